@@ -245,7 +245,7 @@ mod tests {
         let symmetries = symmetries();
         let angle = |from: &Matrix3<f64>, to: &Matrix3<f64>| {
             let turn = from.transpose() * to;
-            let cosine = |symmetry| (((turn * symmetry).trace() - 1.0) / 2.0).clamp(-1.0, 1.0);
+            let cosine = |symmetry: &Matrix3<f64>| (((turn * symmetry).trace() - 1.0) / 2.0).clamp(-1.0, 1.0);
             symmetries.iter().map(cosine).fold(-1.0, f64::max).acos().to_degrees()
         };
         for round in 0..5 {
