@@ -470,7 +470,9 @@ impl Fit {
             estimate.warnings.push(Warning::NotConverged);
         }
         estimate.misfit = self.misfit(noise).map(|misfit| reference.against(misfit));
-        if estimate.misfit.as_ref().is_some_and(is_inconsistent) {
+        // A body that most of its views contradict is not that of the object that they show.
+        let rests_on_few = 2 * estimate.views_used() < estimate.views.len();
+        if rests_on_few || estimate.misfit.as_ref().is_some_and(is_inconsistent) {
             estimate.status = Status::Inconsistent;
         }
         self.with_alternatives(estimate, noise, reference, shared, swaps, context)
