@@ -184,6 +184,18 @@ impl Objective<'_> {
             .collect()
     }
 
+    /// Twice the negative log likelihood of each view's residuals at a body, up to constants, and their number.
+    pub(crate) fn costs_and_residuals(&self, body: &impl BodyModel) -> Vec<(f64, usize)> {
+        let mut rows = Vec::with_capacity(16);
+        (0..self.measurements.views.len())
+            .map(|view| {
+                view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
+                let (edges, others) = self.view_cost(&rows);
+                (edges + others, rows.len())
+            })
+            .collect()
+    }
+
     /// Every residual with the index of its view and its weight; views are taken as independent.
     pub(crate) fn each_row(&self, body: &impl BodyModel, mut take: impl FnMut(usize, &ResidualRow, f64)) {
         let mut rows = Vec::with_capacity(16);

@@ -12,6 +12,7 @@ use crate::geometry::linalg::solve_spd;
 use crate::optimize::normal_equations::{NormalEquations, PARAMETERS};
 use crate::scene::Cues;
 use crate::solve::map::context::MapContext;
+use crate::solve::map::noise::groups::NoiseGroup;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::object::covariance::{log_determinant_of, regularised};
 use crate::solve::map::object::first_fit::{TURNED_STARTS, best_of, descended};
@@ -67,16 +68,42 @@ fn form_of(index: usize) -> Form {
     }
 }
 
-/// Evidence of the boxes of an object about its kind.
+/// Share of the boxes of a scene that are not of the object that they are given for, before anything is known.
+const WRONG: f64 = 0.05;
+
+/// Where the edges of a wrong box may be: over so many half sizes of the object's.
+const WRONG_RANGE: f64 = 10.0;
+
+/// Logarithms of the variances over which the noise of an object is integrated, relative to that of the scene.
+const LOG_VARIANCES: [f64; 2] = [-4.0, 12.0];
+const LOG_VARIANCE_STEP: f64 = 0.25;
+
+/// Rounds in which the variance of a kind and the views that are wrong are adjusted to each other.
+const VARIANCE_ROUNDS: usize = 20;
+
+/// Smallest variance, in that of the noise: exact data.
+const SMALLEST_VARIANCE: f64 = 1e-8;
+
+/// How the views of an object agree with the best body of a kind.
+#[derive(Debug, Clone)]
+pub(crate) struct KindFit {
+    /// For each view twice the negative log likelihood of its residuals, and their number.
+    pub(crate) views: Vec<(f64, usize)>,
+    /// What the freedom of the body and the priors do: the logarithm of the determinant of the normal equations and the
+    /// cost of the priors.
+    pub(crate) freedom: f64,
+}
+
+/// Evidence of the boxes of an object about its kind. All kinds are judged by all views: each view is one of the object or,
+/// with a small probability, a wrong box that may be anywhere.
 #[derive(Debug, Clone)]
 pub(crate) struct BodyEvidence {
     /// The category of the object.
     pub(crate) category: Option<usize>,
-    /// Number of edges less that of the parameters; positive.
-    pub(crate) dof: f64,
-    /// For each kind what the measurements cost with the best fit, and what the freedom of the body and the priors do: the
-    /// logarithm of the determinant of the normal equations and the cost of the priors. `None` where it was not tried.
-    pub(crate) fits: [Option<(f64, f64)>; KINDS],
+    /// Logarithm of the density of an edge of a wrong box, over that of an edge of the object at its most probable place.
+    pub(crate) log_wrong: f64,
+    /// The fit of each kind; `None` where it was not tried.
+    pub(crate) fits: [Option<KindFit>; KINDS],
     /// For each kind the correlation of an edge's residuals in views that follow each other, times the number of pairs, and
     /// that number.
     pub(crate) neighbours: [[f64; 2]; KINDS],
@@ -92,16 +119,15 @@ impl BodyEvidence {
             return None;
         }
         let search = BodySearch::new(fit, noise, context)?;
-        let object = &search.object;
-        let dof = object.measurements.edges.len() as f64 - PARAMETERS as f64;
-        if dof <= 0.0 {
+        if search.object.measurements.edges.len() <= PARAMETERS {
             return None;
         }
-        let (fits, neighbours) = ([None; KINDS], [[0.0; 2]; KINDS]);
-        let mut evidence = Self { category: views.category_index, dof, fits, neighbours };
+        let log_wrong = (noise.of(NoiseGroup::Edge) * std::f64::consts::TAU.sqrt() / WRONG_RANGE).ln();
+        let (fits, neighbours) = (std::array::from_fn(|_| None), [[0.0; 2]; KINDS]);
+        let mut evidence = Self { category: views.category_index, log_wrong, fits, neighbours };
         let round = search.starts(Form::Exponent(2.0)).into_iter().take(1).collect();
         evidence.take(ELLIPSOID, &search, round, 1);
-        evidence.fits[ELLIPSOID]?;
+        evidence.fits[ELLIPSOID].as_ref()?;
         evidence.take(TRIED, &search, search.starts(form_of(TRIED)), 1);
         Some(evidence)
     }
@@ -125,35 +151,86 @@ impl BodyEvidence {
         let objective = search.objective();
         let found = best_of(&objective, descended(&objective, starts, turned));
         let Some((body, equations)) = found else { return };
-        let Some(mut dof) = log_determinant_of(&equations) else { return };
-        let priors = objective.cost_of_priors(&body);
-        dof += priors;
+        let Some(mut freedom) = log_determinant_of(&equations) else { return };
+        freedom += objective.cost_of_priors(&body);
         if kind == CYLINDER {
-            dof += LOG_AXES_OF_CYLINDER + elongation(&body, &equations);
+            freedom += LOG_AXES_OF_CYLINDER + elongation(&body, &equations);
         }
         self.neighbours[kind] = objective.statistics(&body, &equations, search.correlated_views).neighbours_of_edges();
-        self.fits[kind] = Some((equations.cost - priors, dof));
+        self.fits[kind] = Some(KindFit { views: objective.costs_and_residuals(&body), freedom });
     }
 
     /// Logarithms of the evidences over that of an ellipsoid, minus infinity for kinds that were not tried. The noise of an object is
     /// about that of the scene: its variance has an inverse gamma distribution around `variance`. Only this share of the residuals counts.
     pub(crate) fn log_odds(&self, variance: f64, independent: f64) -> [f64; KINDS] {
-        let known = DOF_OF_SCENE * variance;
-        let log =
-            |(cost, dof): (f64, f64)| -0.5 * (independent * (self.dof + DOF_OF_SCENE) * (cost + known).ln() + dof);
-        let ellipsoid = self.fits[ELLIPSOID].map_or(0.0, log);
-        self.fits.map(|fit| fit.map_or(f64::NEG_INFINITY, |fit| log(fit) - ellipsoid))
+        let log = |fit: &KindFit| self.log_evidence(fit, variance, independent);
+        let ellipsoid = self.fits[ELLIPSOID].as_ref().map_or(0.0, log);
+        std::array::from_fn(|k| self.fits[k].as_ref().map_or(f64::NEG_INFINITY, |fit| log(fit) - ellipsoid))
     }
 
-    /// The kind with the largest evidence by itself.
-    pub(crate) fn best(&self) -> usize {
-        let score = |k: usize| self.fits[k].map_or(f64::INFINITY, |(cost, dof)| self.dof * cost.ln() + dof);
-        (0..KINDS).min_by(|&a, &b| score(a).total_cmp(&score(b))).unwrap_or(ELLIPSOID)
+    /// The evidence with the noise of the object integrated out, up to a constant.
+    fn log_evidence(&self, fit: &KindFit, variance: f64, independent: f64) -> f64 {
+        let [first, last] = LOG_VARIANCES;
+        let count = ((last - first) / LOG_VARIANCE_STEP) as usize;
+        let logs: Vec<f64> = (0..=count)
+            .map(|k| {
+                let log = first + LOG_VARIANCE_STEP * k as f64;
+                let prior = -0.5 * DOF_OF_SCENE * (log + (-log).exp());
+                prior + independent * self.log_likelihood(fit, variance * log.exp())
+            })
+            .collect();
+        let largest = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        largest + logs.iter().map(|log| (log - largest).exp()).sum::<f64>().ln() - 0.5 * fit.freedom
     }
 
-    /// The smallest cost of all kinds.
-    pub(crate) fn best_cost(&self) -> f64 {
-        self.fits.iter().flatten().map(|(cost, _)| *cost).fold(f64::INFINITY, f64::min)
+    /// Of the views, where residuals have this variance, with the parameters of the body integrated out.
+    fn log_likelihood(&self, fit: &KindFit, variance: f64) -> f64 {
+        let of_views = fit.views.iter().map(|view| {
+            let [right, wrong] = self.log_densities(*view, variance);
+            right.max(wrong) + (-(right - wrong).abs()).exp().ln_1p()
+        });
+        of_views.sum::<f64>() + 0.5 * PARAMETERS as f64 * variance.ln()
+    }
+
+    /// Logarithms of the densities of a view that shows the object and of one that does not, each with its probability.
+    fn log_densities(&self, (cost, residuals): (f64, usize), variance: f64) -> [f64; 2] {
+        let residuals = residuals as f64;
+        let right = (1.0 - WRONG).ln() - 0.5 * (residuals * variance.ln() + cost / variance);
+        [right, WRONG.ln() + residuals * self.log_wrong]
+    }
+
+    /// The variance of the residuals of the views that show the object, for a kind, and their degrees of freedom.
+    fn variance_of(&self, fit: &KindFit) -> (f64, f64) {
+        let (mut variance, mut dof) = (1.0, 0.0);
+        for _ in 0..VARIANCE_ROUNDS {
+            let (mut cost, mut residuals) = (0.0, 0.0);
+            for view in &fit.views {
+                let [right, wrong] = self.log_densities(*view, variance);
+                let shows = 1.0 / (1.0 + (wrong - right).exp());
+                cost += shows * view.0;
+                residuals += shows * view.1 as f64;
+            }
+            dof = (residuals - PARAMETERS as f64).max(0.0);
+            if dof < 1.0 {
+                break;
+            }
+            variance = (cost / dof).max(SMALLEST_VARIANCE);
+        }
+        (variance, dof)
+    }
+
+    /// The kind with the largest evidence by itself, with the variance of its residuals and their degrees of freedom.
+    pub(crate) fn best(&self) -> (usize, f64, f64) {
+        let mut best = (f64::NEG_INFINITY, (ELLIPSOID, 1.0, 0.0));
+        for (kind, fit) in self.fits.iter().enumerate() {
+            let Some(fit) = fit else { continue };
+            let (variance, dof) = self.variance_of(fit);
+            let score = self.log_likelihood(fit, variance) - 0.5 * fit.freedom;
+            if score > best.0 {
+                best = (score, (kind, variance, dof));
+            }
+        }
+        best.1
     }
 }
 
