@@ -15,7 +15,7 @@ use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::groups::NoiseGroup;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::object::covariance::{log_determinant_of, regularised};
-use crate::solve::map::object::first_fit::{TURNED_STARTS, best_of, descended};
+use crate::solve::map::object::first_fit::{ALL, TURNED_STARTS, best_of, descended};
 use crate::solve::map::object::fit::Fit;
 use crate::solve::map::object::model::Model;
 use crate::solve::map::object::objective::Objective;
@@ -92,6 +92,8 @@ pub(crate) struct KindFit {
     /// What the freedom of the body and the priors do: the logarithm of the determinant of the normal equations and the
     /// cost of the priors.
     pub(crate) freedom: f64,
+    cost: f64,
+    body: Model,
 }
 
 /// Evidence of the boxes of an object about its kind. All kinds are judged by all views: each view is one of the object or,
@@ -135,29 +137,45 @@ impl BodyEvidence {
     /// The same with that of all other kinds.
     pub(crate) fn with_others(mut self, fit: &Fit, noise: &NoiseLevels, context: &MapContext) -> Self {
         let Some(search) = BodySearch::new(fit, noise, context) else { return self };
-        for kind in 1..CUBOID {
-            self.take(kind, &search, search.starts(form_of(kind)), TURNED);
+        let any_way = oriented_starts(search.ellipsoid, Form::Cuboid, &search.object.prior, &[], 0);
+        self.take(CUBOID, &search, any_way, ALL);
+        // Bodies that are about as angular have about the same place, size and directions.
+        for kind in (1..CUBOID).rev() {
+            let mut starts = search.starts(form_of(kind));
+            starts.extend(self.like(kind + 1, form_of(kind)));
+            self.take(kind, &search, starts, TURNED);
         }
-        let object = &search.object;
-        let any_way = oriented_starts(search.ellipsoid, Form::Cuboid, &object.prior, &[], 0);
-        self.take(CUBOID, &search, any_way, TURNED_STARTS);
-        let lying = search.starts(Form::Cylinder).iter().flat_map(along_each_axis).collect();
-        self.take(CYLINDER, &search, lying, TURNED_STARTS);
+        for kind in 2..=CUBOID {
+            self.take(kind, &search, self.like(kind - 1, form_of(kind)).into_iter().collect(), 1);
+        }
+        let lying = search.starts(Form::Cylinder).into_iter().chain(self.like(CUBOID, Form::Cylinder));
+        self.take(CYLINDER, &search, lying.flat_map(|start| along_each_axis(&start)).collect(), TURNED_STARTS);
         self
     }
 
-    /// The evidence of a kind, from these starts, of which so many are turned. Nothing where none can be evaluated.
+    /// The fitted body of a kind as a start of another one.
+    fn like(&self, kind: usize, form: Form) -> Option<OrientedModel> {
+        let body = &self.fits[kind].as_ref()?.body;
+        let sizes = body.semi_axes() * (form.relative_size() / form_of(kind).relative_size());
+        Some(OrientedModel::new(*body.center(), *body.axes(), sizes, form))
+    }
+
+    /// The evidence of a kind, from these starts, of which so many are turned, if they lead to a better fit than there was.
     fn take(&mut self, kind: usize, search: &BodySearch, starts: Vec<OrientedModel>, turned: usize) {
         let objective = search.objective();
         let found = best_of(&objective, descended(&objective, starts, turned));
         let Some((body, equations)) = found else { return };
+        if self.fits[kind].as_ref().is_some_and(|fit| fit.cost <= equations.cost) {
+            return;
+        }
         let Some(mut freedom) = log_determinant_of(&equations) else { return };
         freedom += objective.cost_of_priors(&body);
         if kind == CYLINDER {
             freedom += LOG_AXES_OF_CYLINDER + elongation(&body, &equations);
         }
         self.neighbours[kind] = objective.statistics(&body, &equations, search.correlated_views).neighbours_of_edges();
-        self.fits[kind] = Some(KindFit { views: objective.costs_and_residuals(&body), freedom });
+        let views = objective.costs_and_residuals(&body);
+        self.fits[kind] = Some(KindFit { views, freedom, cost: equations.cost, body });
     }
 
     /// Logarithms of the evidences over that of an ellipsoid, minus infinity for kinds that were not tried. The noise of an object is
