@@ -26,4 +26,5 @@ mod scale_terms;
 #[cfg(test)]
 mod scale_tests;
 pub(crate) mod size_site;
+pub(crate) mod spread_rotations;
 pub(crate) mod starts;

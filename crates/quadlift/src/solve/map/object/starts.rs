@@ -3,12 +3,13 @@
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::prior::ObjectPrior;
+use super::spread_rotations::spread_rotations;
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::body_model::oriented::{Form, OrientedModel};
 use crate::geometry::DualQuadric;
 use crate::geometry::linalg::symmetric_eigen3;
-use crate::geometry::rotation::{horizontal_basis, rotation_of_cube};
+use crate::geometry::rotation::horizontal_basis;
 use crate::scene::{BORDER_TOLERANCE_PX, ObjectViews, View, edges_at_border};
 use crate::solve::conditioning::ObjectFrame;
 
@@ -17,13 +18,6 @@ const MIN_START_AXIS_RATIO: f64 = 0.2;
 
 /// A start farther than this (object sizes) from the triangulated centre is rejected.
 const FARTHEST_START: f64 = 20.0;
-
-/// Rotations from which an oriented body starts, besides the ellipsoid's axes: spread evenly, others in each round.
-const SPREAD_ROTATIONS: usize = 16;
-
-/// The root of `x^4 = x + 1`: multiples of its powers fill the unit cube more evenly than random points
-/// (Roberts 2018, the sequence R3).
-const EVEN_STEP: f64 = 1.220_744_084_605_759_5;
 
 /// Directions about the vertical from which a body of unknown size that stands starts, over a quarter of a circle.
 const YAW_STARTS: usize = 4;
@@ -195,15 +189,6 @@ fn upright_axes(up: &Vector3<f64>) -> [Matrix3<f64>; 4] {
     })
 }
 
-/// The rotations of a round, by no accident of a seed.
-fn spread_rotations(round: usize) -> impl Iterator<Item = Matrix3<f64>> {
-    (0..SPREAD_ROTATIONS).map(move |k| {
-        let count = (round * SPREAD_ROTATIONS + k + 1) as f64;
-        let point = [1, 2, 3].map(|power| (0.5 + count / EVEN_STEP.powi(power)).fract());
-        *rotation_of_cube(point).matrix()
-    })
-}
-
 fn right_handed(mut axes: Matrix3<f64>) -> Matrix3<f64> {
     if axes.determinant() < 0.0 {
         axes.column_mut(1).neg_mut();
@@ -232,31 +217,4 @@ pub(crate) fn centers_from_size(views: &ObjectViews, frame: &ObjectFrame, prior:
         .into_iter()
         .map(|factor| frame.point_from_world(&(camera + ray * (depth * factor / along))))
         .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::solve::map::object::alternatives::symmetries;
-
-    /// A cuboid is the same after 24 rotations. One of those of a round is near any cuboid.
-    #[test]
-    fn the_rotations_of_each_round_are_spread_evenly() {
-        let symmetries = symmetries();
-        let angle = |from: &Matrix3<f64>, to: &Matrix3<f64>| {
-            let turn = from.transpose() * to;
-            let cosine = |symmetry: &Matrix3<f64>| (((turn * symmetry).trace() - 1.0) / 2.0).clamp(-1.0, 1.0);
-            symmetries.iter().map(cosine).fold(-1.0, f64::max).acos().to_degrees()
-        };
-        for round in 0..5 {
-            let starts: Vec<_> = spread_rotations(round).collect();
-            let any: Vec<_> = (100..130).flat_map(spread_rotations).collect();
-            let nearest = |to: &Matrix3<f64>| starts.iter().map(|from| angle(from, to)).fold(180.0, f64::min);
-            let angles: Vec<f64> = any.iter().map(nearest).collect();
-            let mean = angles.iter().sum::<f64>() / angles.len() as f64;
-            let farthest = angles.iter().copied().fold(0.0, f64::max);
-            println!("{round} {mean} {farthest}");
-            assert!(mean < 20.0 && farthest < 45.0, "{round} {mean} {farthest}");
-        }
-    }
 }
