@@ -15,7 +15,7 @@ use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::groups::NoiseGroup;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::object::covariance::{log_determinant_of, regularised};
-use crate::solve::map::object::first_fit::{ALL, TURNED_STARTS, best_of, descended};
+use crate::solve::map::object::first_fit::{ALL, best_of, descended};
 use crate::solve::map::object::fit::Fit;
 use crate::solve::map::object::model::Model;
 use crate::solve::map::object::objective::Objective;
@@ -34,9 +34,6 @@ pub(crate) const CYLINDER: usize = KINDS - 1;
 
 /// The kind that is tested first against the ellipsoid: it also fits the boxes of any body with edges better.
 pub(crate) const TRIED: usize = 2;
-
-/// Starts of a superellipsoid that are turned.
-const TURNED: usize = 2;
 
 /// A cylinder has eight ways to name its axes where a cuboid has 24: twice the logarithm of the ratio.
 const LOG_AXES_OF_CYLINDER: f64 = 2.197_224_577_336_219_6;
@@ -143,13 +140,13 @@ impl BodyEvidence {
         for kind in (1..CUBOID).rev() {
             let mut starts = search.starts(form_of(kind));
             starts.extend(self.like(kind + 1, form_of(kind)));
-            self.take(kind, &search, starts, TURNED);
+            self.take(kind, &search, starts, ALL);
         }
         for kind in 2..=CUBOID {
             self.take(kind, &search, self.like(kind - 1, form_of(kind)).into_iter().collect(), 1);
         }
         let lying = search.starts(Form::Cylinder).into_iter().chain(self.like(CUBOID, Form::Cylinder));
-        self.take(CYLINDER, &search, lying.flat_map(|start| along_each_axis(&start)).collect(), TURNED_STARTS);
+        self.take(CYLINDER, &search, lying.flat_map(|start| along_each_axis(&start)).collect(), ALL);
         self
     }
 
