@@ -287,7 +287,7 @@ impl Fit {
         let stop = if last { POLISH } else { BETWEEN_ROUNDS };
         let fit = self.looked_at(noise);
         let plain = fit.objective(noise, None);
-        let scale = self.outlier_scale.map(|_| outlier_scale(plain.view_costs(&self.body)));
+        let scale = self.outlier_scale.map(|_| outlier_scale(plain.view_costs(&self.body), noise));
         let objective = Objective { outlier_scale: scale, ..plain };
         match minimum(self.body.clone(), stop, |body| objective.linearise(body), BodyModel::retract) {
             Some(Minimum { state: body, equations, end }) => {

@@ -145,9 +145,8 @@ fn an_object_that_less_than_half_of_its_views_show_is_inconsistent() {
 #[test]
 fn bodies_that_have_run_away_have_diverged() {
     ball(|fit, noise, context| {
-        let ends = |body: Model, equations: NormalEquations| {
-            estimate(&Fit { body, equations, ..fit.clone() }, noise, context)
-        };
+        let ends =
+            |body: Model, equations: NormalEquations| estimate(&Fit { body, equations, ..fit.clone() }, noise, context);
         assert_eq!(ends(fit.body.clone(), fit.equations).status, Status::Ok);
         // Behind the cameras, a point, nowhere.
         let away = *fit.body.center() - fit.problem.measurements.views[0].axis * 1e4;

@@ -3,6 +3,7 @@
 
 pub(crate) mod agreement;
 pub(crate) mod alternatives;
+pub(crate) mod consensus;
 pub(crate) mod covariance;
 mod cue_starts;
 #[cfg(test)]

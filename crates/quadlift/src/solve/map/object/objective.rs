@@ -1,6 +1,7 @@
 //! The objective: whitened residuals of all views, a robust loss in case of outliers, and priors (docs/method.md,
 //! section 5).
 
+use super::consensus::Consensus;
 use super::prior::ObjectPrior;
 use crate::body_model::BodyModel;
 use crate::geometry::linalg::invert_spd;
@@ -29,16 +30,11 @@ pub(crate) fn usual_cost(sum: f64, residuals: usize) -> f64 {
     chi_square::as_of(sum, residuals, USUAL_RESIDUALS)
 }
 
-/// The outlier scale of an object whose views have these sums of squares ([`Objective::view_costs`]): larger where half of
-/// the views agree less well than the noise of the scene lets expect, because then that noise is not the object's.
-pub(crate) fn outlier_scale(mut view_costs: Vec<f64>) -> f64 {
-    view_costs.sort_by(f64::total_cmp);
-    let median = view_costs.get(view_costs.len() / 2).copied().unwrap_or(0.0);
-    OUTLIER_SCALE * (median / CHI2_MEDIAN).sqrt().clamp(1.0, 10.0)
+/// The outlier scale of an object whose views have these sums of squares ([`Objective::view_costs`]): larger where the views
+/// that agree do so less well than the noise of the scene lets expect, because then that noise is not the object's.
+pub(crate) fn outlier_scale(view_costs: Vec<f64>, noise: &NoiseLevels) -> f64 {
+    OUTLIER_SCALE * Consensus::of(view_costs, noise).variance.sqrt().clamp(1.0, 10.0)
 }
-
-/// Median of the chi-square distribution with four degrees of freedom: a view of four edges.
-pub(crate) const CHI2_MEDIAN: f64 = 3.357;
 
 /// Minimum number of views to detect an outlier.
 pub(crate) const FEWEST_VIEWS: usize = 5;

@@ -3,6 +3,8 @@
 //! The evidence of each kind by Laplace's approximation: the fit to the boxes, minus a penalty for the degrees of
 //! freedom of the body.
 
+#[cfg(test)]
+use nalgebra::Matrix3;
 use nalgebra::{SVector, Vector3};
 
 use crate::body_model::BodyModel;
@@ -12,8 +14,8 @@ use crate::geometry::linalg::solve_spd;
 use crate::optimize::normal_equations::{NormalEquations, PARAMETERS};
 use crate::scene::Cues;
 use crate::solve::map::context::MapContext;
-use crate::solve::map::noise::groups::NoiseGroup;
 use crate::solve::map::noise::levels::NoiseLevels;
+use crate::solve::map::object::consensus::{WRONG_SHARE, log_wrong_edge};
 use crate::solve::map::object::covariance::{log_determinant_of, regularised};
 use crate::solve::map::object::first_fit::{ALL, best_of, descended};
 use crate::solve::map::object::fit::Fit;
@@ -65,12 +67,6 @@ fn form_of(index: usize) -> Form {
     }
 }
 
-/// Share of the boxes of a scene that are not of the object that they are given for, before anything is known.
-const WRONG: f64 = 0.05;
-
-/// Where the edges of a wrong box may be: over so many half sizes of the object's.
-const WRONG_RANGE: f64 = 10.0;
-
 /// Logarithms of the variances over which the noise of an object is integrated, relative to that of the scene.
 const LOG_VARIANCES: [f64; 2] = [-4.0, 12.0];
 const LOG_VARIANCE_STEP: f64 = 0.25;
@@ -91,6 +87,16 @@ pub(crate) struct KindFit {
     pub(crate) freedom: f64,
     cost: f64,
     body: Model,
+}
+
+#[cfg(test)]
+impl KindFit {
+    /// Views that agree so well with a body of unit size.
+    pub(crate) fn of_views(views: Vec<(f64, usize)>, freedom: f64) -> Self {
+        let body =
+            Model::Ellipsoid(EllipsoidModel::from_axes(Vector3::zeros(), Matrix3::identity(), Vector3::repeat(1.0)));
+        Self { views, freedom, cost: 0.0, body }
+    }
 }
 
 /// Evidence of the boxes of an object about its kind. All kinds are judged by all views: each view is one of the object or,
@@ -121,7 +127,7 @@ impl BodyEvidence {
         if search.object.measurements.edges.len() <= PARAMETERS {
             return None;
         }
-        let log_wrong = (noise.of(NoiseGroup::Edge) * std::f64::consts::TAU.sqrt() / WRONG_RANGE).ln();
+        let log_wrong = log_wrong_edge(noise);
         let (fits, neighbours) = (std::array::from_fn(|_| None), [[0.0; 2]; KINDS]);
         let mut evidence = Self { category: views.category_index, log_wrong, fits, neighbours };
         let round = search.starts(Form::Exponent(2.0)).into_iter().take(1).collect();
@@ -210,8 +216,8 @@ impl BodyEvidence {
     /// Logarithms of the densities of a view that shows the object and of one that does not, each with its probability.
     fn log_densities(&self, (cost, residuals): (f64, usize), variance: f64) -> [f64; 2] {
         let residuals = residuals as f64;
-        let right = (1.0 - WRONG).ln() - 0.5 * (residuals * variance.ln() + cost / variance);
-        [right, WRONG.ln() + residuals * self.log_wrong]
+        let right = (1.0 - WRONG_SHARE).ln() - 0.5 * (residuals * variance.ln() + cost / variance);
+        [right, WRONG_SHARE.ln() + residuals * self.log_wrong]
     }
 
     /// The variance of the residuals of the views that show the object, for a kind, and their degrees of freedom.
@@ -301,9 +307,53 @@ impl<'a> BodySearch<'a> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Matrix3;
-
     use super::*;
+
+    /// An object seen in views of these costs as an ellipsoid and as a cuboid.
+    fn seen(ellipsoid: &[f64], cuboid: &[f64]) -> BodyEvidence {
+        let fit = |costs: &[f64]| Some(KindFit::of_views(costs.iter().map(|cost| (*cost, 4)).collect(), 10.0));
+        let mut fits = std::array::from_fn(|_| None);
+        (fits[ELLIPSOID], fits[CUBOID]) = (fit(ellipsoid), fit(cuboid));
+        BodyEvidence { category: None, log_wrong: -4.0, fits, neighbours: [[0.0; 2]; KINDS] }
+    }
+
+    /// A kind that gives up views that another one explains is the less probable one, however well it fits the rest.
+    #[test]
+    fn views_that_a_kind_rejects_count_against_it() {
+        let mut ellipsoid = [0.01; 20];
+        let mut cuboid = [1e-4; 20];
+        ellipsoid[18..].fill(900.0);
+        cuboid[14..].fill(400.0);
+        let evidence = seen(&ellipsoid, &cuboid);
+        let odds = |variance| evidence.log_odds(variance, 1.0)[CUBOID];
+        assert!(odds(0.01 / 4.0) < -20.0, "{}", odds(0.01 / 4.0));
+        // With the same views rejected the better fit wins.
+        cuboid[14..18].fill(1e-4);
+        let evidence = seen(&ellipsoid, &cuboid);
+        assert!(evidence.log_odds(1e-4, 1.0)[CUBOID] > 20.0);
+        assert_eq!(evidence.best().0, CUBOID);
+    }
+
+    #[test]
+    fn the_noise_of_an_object_is_that_of_the_views_that_show_it() {
+        let mut costs = [2.0; 12];
+        costs[9..].fill(5000.0);
+        let evidence = seen(&costs, &costs);
+        let (_, variance, dof) = evidence.best();
+        assert!((dof - (36.0 - 9.0)).abs() < 1e-6 && (variance - 18.0 / 27.0).abs() < 1e-6, "{variance} {dof}");
+    }
+
+    /// Without wrong boxes the integral has a closed form: `-(N - 9 + 8) / 2 ln(C + 8 v)` of `N` residuals.
+    #[test]
+    fn the_sum_over_variances_is_the_integral() {
+        for (ellipsoid, cuboid, variance) in [(1.0, 0.5, 0.3), (3.0, 3.5, 1.0), (0.5, 0.01, 0.1)] {
+            let mut evidence = seen(&[ellipsoid; 10], &[cuboid; 10]);
+            evidence.log_wrong = -100.0;
+            let expected = -19.5 * f64::ln((10.0 * cuboid + 8.0 * variance) / (10.0 * ellipsoid + 8.0 * variance));
+            let found = evidence.log_odds(variance, 1.0)[CUBOID];
+            assert!((found - expected).abs() < 0.02, "{found} {expected}");
+        }
+    }
 
     /// A cylinder whose radii differ by a factor, and measurements that tell every parameter with this deviation.
     fn of_radii(factor: f64, sd: f64) -> f64 {

@@ -11,6 +11,7 @@ use super::body_evidence::{BodyEvidence, CUBOID, CYLINDER, ELLIPSOID, EXPONENTS,
 use crate::parallel::map_indices;
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::{LARGEST_CORRELATION, NoiseLevels};
+use crate::solve::map::object::agreement::weighted_median;
 use crate::solve::map::object::fit::Fit;
 use crate::solve::options::BodyKind;
 
@@ -129,7 +130,7 @@ struct Pooled {
     /// Expected numbers of objects of each kind: of all objects, and of each category.
     counts: OfEach,
     counts_of_category: BTreeMap<Option<usize>, OfEach>,
-    /// Weighted squared residual per degree of freedom.
+    /// Squared residual per degree of freedom of the median object.
     variance: f64,
     /// Share of the residuals that count, see [`independent_share`].
     independent: f64,
@@ -139,11 +140,10 @@ impl Pooled {
     /// With the probabilities of the kinds of each object, given the others; `None` where the objects tell nothing.
     fn among(told: &[BodyEvidence], before: fn(usize) -> f64) -> Option<(Self, Vec<OfEach>)> {
         let best: Vec<_> = told.iter().map(BodyEvidence::best).collect();
-        let dof: f64 = best.iter().map(|(_, _, dof)| dof).sum();
-        let variance = best.iter().map(|(_, variance, dof)| variance * dof).sum::<f64>() / dof;
-        if dof <= 0.0 || !variance.is_finite() {
-            return None;
-        }
+        // The median: one object that no kind fits would drown the noise of the others.
+        let mut variances: Vec<(f64, f64)> = best.iter().map(|(_, variance, dof)| (*variance, *dof)).collect();
+        variances.retain(|(_, dof)| *dof > 0.0);
+        let variance = weighted_median(&mut variances)?;
         let neighbours = told.iter().zip(&best).map(|(evidence, (kind, ..))| evidence.neighbours[*kind]);
         let independent = independent_share(neighbours, variance);
         let (counts, counts_of_category) = ([0.0; KINDS], BTreeMap::new());
@@ -228,7 +228,7 @@ mod tests {
 
     /// An object of a category with these costs of an ellipsoid and a cuboid, all else equal.
     fn object(category: usize, ellipsoid: f64, cuboid: f64) -> BodyEvidence {
-        let fit = |cost: f64| Some(KindFit { views: vec![(cost / 10.0, 4); 10], freedom: 10.0 });
+        let fit = |cost: f64| Some(KindFit::of_views(vec![(cost / 10.0, 4); 10], 10.0));
         let mut fits = std::array::from_fn(|_| None);
         fits[ELLIPSOID] = fit(ellipsoid);
         fits[CUBOID] = fit(cuboid);
