@@ -14,10 +14,10 @@ const EDGES: f64 = 4.0;
 const PARAMETERS: f64 = 9.0;
 
 /// The fewest views that say more than a body can follow.
-const FEWEST: usize = 4;
+const FEWEST: usize = 3;
 
-/// Squared residuals below this are exact data: their ratios say nothing.
-const SMALLEST_VARIANCE: f64 = 1e-3;
+/// A variance below this is that of exact data: a hundredth of the noise says no more than less.
+const SMALLEST_VARIANCE: f64 = 1e-4;
 
 /// Logarithm of the density of an edge of a wrong box, over that of an edge of the object at its most probable place.
 pub(crate) fn log_wrong_edge(noise: &NoiseLevels) -> f64 {
@@ -77,6 +77,11 @@ mod tests {
         let found = of(&with_wrong);
         assert!((found.variance - 48.0 / 39.0).abs() < 1e-12, "{found:?}");
         assert!(found.score < of(&right).score);
+    }
+
+    #[test]
+    fn one_wrong_box_of_four_is_not_noise() {
+        assert!((of(&[1.0, 1.0, 1.0, 400.0]).variance - 1.0).abs() < 1e-12);
     }
 
     #[test]

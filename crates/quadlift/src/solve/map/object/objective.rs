@@ -31,8 +31,12 @@ pub(crate) fn usual_cost(sum: f64, residuals: usize) -> f64 {
 }
 
 /// The outlier scale of an object whose views have these sums of squares ([`Objective::view_costs`]): larger where the views
-/// that agree do so less well than the noise of the scene lets expect, because then that noise is not the object's.
+/// that agree do so less well than the noise of the scene lets expect, because then that noise is not the object's. Few views
+/// do not tell.
 pub(crate) fn outlier_scale(view_costs: Vec<f64>, noise: &NoiseLevels) -> f64 {
+    if view_costs.len() < FEWEST_VIEWS {
+        return OUTLIER_SCALE;
+    }
     OUTLIER_SCALE * Consensus::of(view_costs, noise).variance.sqrt().clamp(1.0, 10.0)
 }
 
