@@ -34,6 +34,11 @@ pub(crate) struct Consensus {
 }
 
 impl Consensus {
+    /// The more probable one first; of exact ones the more exact.
+    pub(crate) fn order(&self, other: &Self) -> std::cmp::Ordering {
+        other.score.total_cmp(&self.score).then(self.variance.total_cmp(&other.variance))
+    }
+
     /// Of the squared residuals of views, as if there were four in each, under these noise levels. The number of views that
     /// agree is the most probable one, with their own variance.
     pub(crate) fn of(mut view_costs: Vec<f64>, noise: &NoiseLevels) -> Self {
@@ -49,8 +54,8 @@ impl Consensus {
                 continue;
             }
             let dof = (EDGES * agree as f64 - PARAMETERS).max(1.0);
-            let variance = (sum / dof).max(SMALLEST_VARIANCE);
-            let score = -0.5 * dof * (variance.ln() + 1.0) + (count - agree) as f64 * log_wrong;
+            let variance = sum / dof;
+            let score = -0.5 * dof * (variance.max(SMALLEST_VARIANCE).ln() + 1.0) + (count - agree) as f64 * log_wrong;
             if score > best.score {
                 best = Self { score, variance };
             }

@@ -77,15 +77,15 @@ pub(crate) fn fit_without_outliers(
             }
         }
         hypotheses.retain(|(consensus, _)| consensus.score.is_finite());
-        hypotheses.sort_by(|a, b| b.0.score.total_cmp(&a.0.score));
+        hypotheses.sort_by(|a, b| a.0.order(&b.0));
         hypotheses.truncate(REFINED);
     };
     draw(FIRST_HYPOTHESES, &mut hypotheses);
-    if ratio < OUTLIER && hypotheses.first().is_none_or(|(consensus, _)| consensus.score <= of_plain.score) {
+    if ratio < OUTLIER && hypotheses.first().is_none_or(|(consensus, _)| of_plain.order(consensus).is_le()) {
         return None;
     }
     draw(HYPOTHESES - FIRST_HYPOTHESES, &mut hypotheses);
-    let noise = objective.noise.scaled(hypotheses.first()?.0.variance.sqrt().min(10.0));
+    let noise = objective.noise.scaled(hypotheses.first()?.0.variance.sqrt().clamp(0.01, 10.0));
     let distrustful = Objective { noise: &noise, outlier_scale: Some(OUTLIER_SCALE), ..*objective };
     let stop = Stop { evaluations: 30, promised_decrease: 1e-3 };
     hypotheses
