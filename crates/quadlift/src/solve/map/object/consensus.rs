@@ -86,7 +86,7 @@ mod tests {
 
     #[test]
     fn one_wrong_box_of_four_is_not_noise() {
-        assert!((of(&[1.0, 1.0, 1.0, 400.0]).variance - 1.0).abs() < 1e-12);
+        assert!((of(&[1.0, 1.0, 1.0, 4000.0]).variance - 1.0).abs() < 1e-12);
     }
 
     #[test]
