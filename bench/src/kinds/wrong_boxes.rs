@@ -56,7 +56,8 @@ pub(super) fn tables(run: &Run, steps: &Steps) -> Result<Vec<Table>, Error> {
                     steps.done();
                 }
             }
-            table.note("Body IoU with the true kind given, 0 without an estimate; auto: the default less that, paired.");
+            table
+                .note("Body IoU with the true kind given, 0 without an estimate; auto: the default less that, paired.");
             Ok(table)
         })
         .collect()
