@@ -88,7 +88,8 @@ fn constants_are_those_of_the_code() {
     let text = read_to_string(root().join(page)).unwrap();
     let mut count = 0;
     for line in text.lines().filter(|line| line.starts_with("| `")) {
-        let row: Vec<_> = line.trim_matches('|').split(" | ").map(|cell| cell.trim().trim_matches('`').into()).collect();
+        let row: Vec<_> =
+            line.trim_matches('|').split(" | ").map(|cell| cell.trim().trim_matches('`').into()).collect();
         check(page, &row);
         assert!(all.iter().any(|other| other[..4] == row[..4]), "docs/method/constants.csv has not {}", row[0]);
         count += 1;
