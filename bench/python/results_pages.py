@@ -1,7 +1,7 @@
 """Writes docs/results.md and docs/results/*.md: rows of the tables that quadlift-bench printed.
 
 results_pages.py FOLDER [STALE ...]: FOLDER has the output of `quadlift-bench NAME --markdown` as NAME.md for each of NAMES.
-The experiments STALE were run by an earlier program; the pages mark them with a star. No figure is typed here.
+The experiments STALE were run by an earlier program; the pages mark them with a star.
 """
 
 from __future__ import annotations

@@ -180,6 +180,19 @@ fn files_that_the_pages_for_developers_name_exist() {
     assert!(words > 120, "{words}");
 }
 
+/// Pages that nobody reads in an hour go stale. What is generated is built, not committed.
+#[test]
+fn all_pages_together_are_short() {
+    let mut paths = Vec::new();
+    files(&workspace(), "", &mut paths);
+    let pages = paths.iter().filter(|path| path.ends_with(".md"));
+    let words = |path: &String| {
+        std::fs::read_to_string(format!("{}{path}", workspace().display())).unwrap().split_whitespace().count()
+    };
+    let count: usize = pages.map(words).sum();
+    assert!((20_000..=60_000).contains(&count), "{count} words");
+}
+
 /// The version and the address of the project stand in places that no tool keeps together.
 #[test]
 fn versions_and_addresses_agree() {

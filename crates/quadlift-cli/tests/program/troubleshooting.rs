@@ -49,7 +49,6 @@ const MESSAGES: [(&str, &[&str]); 4] = [
     (
         "Scene files",
         &[
-            "text that is no JSON object",
             "no \"format\"",
             "an unknown frame",
             "an unknown camera model",
@@ -72,7 +71,6 @@ const MESSAGES: [(&str, &[&str]); 4] = [
             "all views from one point",
             "all detections in one frame",
             "scores that are all too low",
-            "sizes in metres, a scene without a unit",
         ],
     ),
     (
@@ -88,7 +86,6 @@ const MESSAGES: [(&str, &[&str]); 4] = [
             "a trajectory without intrinsics",
             "cameras of another program in place of a scene",
             "a bag of ROS 1",
-            "a log that is cut off",
             "a log without the world's frame",
         ],
     ),
@@ -96,7 +93,6 @@ const MESSAGES: [(&str, &[&str]); 4] = [
         "Images, outputs, evaluation",
         &[
             "an image of another size than the camera's",
-            "no image at all",
             "masks as observations where there are none",
             "an output that is the scene",
             "a result in another format",
