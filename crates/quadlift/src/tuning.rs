@@ -1,4 +1,4 @@
-//! Constants that were tuned, with the data, the sweep and how flat the optimum is (docs/method/constants.md lists all
+//! Constants that were tuned, with the data, the sweep and how flat the optimum is (docs/method/constants.csv lists all
 //! constants). With the feature `sensitivity` a program can scale them: `quadlift-bench sensitivity`.
 
 #[cfg(feature = "sensitivity")]

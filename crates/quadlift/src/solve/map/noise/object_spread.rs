@@ -12,9 +12,6 @@ use crate::solve::estimate::Matrix9;
 /// Upper bound of the cost of robustness.
 const LARGEST_COST: f64 = 1.5;
 
-/// Mean squared whitened residual below which data are exact: what objects then differ in is where their descents ended.
-const EXACT: f64 = 1e-4;
-
 /// How well one object agrees with the noise levels of the scene: its sum of weighted squared residuals, and the degrees
 /// of freedom that are left in them.
 #[derive(Debug, Clone, Copy, Default)]
@@ -68,9 +65,6 @@ impl Spread {
             return Self::default();
         }
         let level = squares / dof;
-        if level < EXACT {
-            return Self::default();
-        }
         // Each with the inverse variance that it has when all objects are alike: 2 / freedom.
         let excess = counted().map(|object| {
             let off = object.squares / (object.dof * level) - 1.0;

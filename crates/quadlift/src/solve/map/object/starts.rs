@@ -197,7 +197,7 @@ fn right_handed(mut axes: Matrix3<f64>) -> Matrix3<f64> {
 }
 
 /// Centres to start from where the category's size is known: on the ray of the tallest box that is not cut off, at the
-/// depth that its height suggests, times .85, 1 and 1.2 (E9). In the object's frame.
+/// depth that its height suggests, times .85, 1 and 1.2 (section 6.2). In the object's frame.
 pub(crate) fn centers_from_size(views: &ObjectViews, frame: &ObjectFrame, prior: &ObjectPrior) -> Vec<Vector3<f64>> {
     let Some([_, _, (log_half_height, _)]) = prior.log_size else { return Vec::new() };
     let whole = |view: &&View| {
