@@ -1,10 +1,7 @@
 //! Values of options that several commands share.
 
-use std::ops::RangeInclusive;
-
 use quadlift::UnknownName;
 use quadlift::solve::BodyKind;
-pub use quadlift_io::correct::assume::image_size;
 use quadlift_io::scene_file::Detail;
 use quadlift_io::write::geodesy::Place;
 
@@ -68,12 +65,6 @@ pub fn place(text: &str) -> Result<Place, String> {
         .ok_or_else(|| "expected LAT,LON,ALT in degrees and metres, such as 48.2,16.37,170".to_owned())
 }
 
-/// Reads the first and the last frame, such as 90-106.
-pub fn frame_range(text: &str) -> Result<RangeInclusive<usize>, String> {
-    let range = text.split_once('-').and_then(|(a, b)| Some(a.trim().parse().ok()?..=b.trim().parse().ok()?));
-    range.filter(|range| !range.is_empty()).ok_or_else(|| "expected FIRST-LAST, such as 90-106".to_owned())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -81,9 +72,7 @@ mod tests {
     #[test]
     fn numbers_are_finite() {
         assert_eq!(three_numbers("1, -2,3e1"), Ok([1.0, -2.0, 30.0]));
-        assert_eq!((image_size("640x480"), frame_range("90-106")), (Ok([640.0, 480.0]), Ok(90..=106)));
         assert!(not_negative("0") == Ok(0.0) && not_negative("-1").is_err() && not_negative("nan").is_err());
-        assert!(image_size("640").is_err() && image_size("0x1").is_err() && frame_range("7-6").is_err());
         assert!(three_numbers("1,2").is_err() && three_numbers("1,2,inf").is_err() && finite("nan").is_err());
     }
 }
