@@ -3,7 +3,6 @@
 use quadlift::UnknownName;
 use quadlift::solve::BodyKind;
 use quadlift_io::scene_file::Detail;
-use quadlift_io::write::geodesy::Place;
 
 /// Reads a kind of body.
 pub fn body(text: &str) -> Result<BodyKind, UnknownName> {
@@ -41,11 +40,6 @@ pub fn positive(text: &str) -> Result<f64, String> {
     finite(text).ok().filter(|x| *x > 0.0).ok_or_else(|| "expected a number above 0".to_owned())
 }
 
-/// Reads a finite number that is zero or above.
-pub fn not_negative(text: &str) -> Result<f64, String> {
-    finite(text).ok().filter(|x| *x >= 0.0).ok_or_else(|| "expected a non-negative number".to_owned())
-}
-
 /// Reads three numbers separated by commas.
 pub fn three_numbers(text: &str) -> Result<[f64; 3], String> {
     let numbers: Result<Vec<f64>, String> = text.split(',').map(finite).collect();
@@ -55,16 +49,6 @@ pub fn three_numbers(text: &str) -> Result<[f64; 3], String> {
     }
 }
 
-/// Reads a place on Earth, such as 48.2,16.37,170: latitude, longitude and altitude.
-pub fn place(text: &str) -> Result<Place, String> {
-    let numbers = three_numbers(text).ok();
-    let place = numbers.map(|[latitude, longitude, altitude]| Place { latitude, longitude, altitude });
-    let is_valid = |place: &Place| place.latitude.abs() <= 90.0 && place.longitude.abs() <= 180.0;
-    place
-        .filter(is_valid)
-        .ok_or_else(|| "expected LAT,LON,ALT in degrees and metres, such as 48.2,16.37,170".to_owned())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -72,7 +56,6 @@ mod tests {
     #[test]
     fn numbers_are_finite() {
         assert_eq!(three_numbers("1, -2,3e1"), Ok([1.0, -2.0, 30.0]));
-        assert!(not_negative("0") == Ok(0.0) && not_negative("-1").is_err() && not_negative("nan").is_err());
         assert!(three_numbers("1,2").is_err() && three_numbers("1,2,inf").is_err() && finite("nan").is_err());
     }
 }

@@ -1,34 +1,34 @@
-//! Options of readers, which are declared in [`READ`], as arguments of `import`, `localize` and `stream`.
+//! Options of formats, which are declared in tables ([`READ`]), as arguments of `import`, `export`, `localize` and `stream`.
 
 use std::marker::PhantomData;
 
 use clap::builder::ValueParser;
 use clap::{Arg, ArgAction, ArgMatches, Args, FromArgMatches};
 use quadlift_io::formats::{detections, poses};
-use quadlift_io::read::{READ, ReadOption, ReadOptions};
+use quadlift_io::read::{FormatOption, READ, ReadOptions};
 
 use crate::error::usage;
 
 /// The heading of options that only logs have.
 const LOGS: &str = "Logs in MCAP";
 
-/// Options of readers that were given, with their texts.
-#[derive(Debug, Clone, Default)]
-pub struct Given(Vec<(&'static ReadOption, String)>);
+/// Options of formats that were given, with their texts.
+#[derive(Debug, Clone)]
+pub struct Given<O: 'static>(Vec<(&'static FormatOption<O>, String)>);
 
-impl Given {
-    /// Those of a command that takes some of them.
-    pub fn of(matches: &ArgMatches, takes: impl Fn(&str) -> bool) -> Self {
-        let text = |row: &ReadOption| match row.value {
+impl<O: Default> Given<O> {
+    /// Those of a command that takes some of the declared ones.
+    pub fn of(matches: &ArgMatches, all: &'static [FormatOption<O>], takes: impl Fn(&str) -> bool) -> Self {
+        let text = |row: &FormatOption<O>| match row.value {
             "" => matches.get_flag(row.name).then(String::new),
             _ => matches.get_one::<String>(row.name).cloned(),
         };
-        Self(READ.iter().filter(|row| takes(row.name)).filter_map(|row| Some((row, text(row)?))).collect())
+        Self(all.iter().filter(|row| takes(row.name)).filter_map(|row| Some((row, text(row)?))).collect())
     }
 
     /// The options.
-    pub fn options(&self) -> ReadOptions {
-        let mut options = ReadOptions::default();
+    pub fn options(&self) -> O {
+        let mut options = O::default();
         for (row, text) in &self.0 {
             // It was tried when the argument was read.
             let _ = (row.set)(&mut options, text);
@@ -43,7 +43,7 @@ impl Given {
 
     /// Refuses options that none of the files takes; `found` says what these are.
     pub fn check(&self, taken: &[&[&str]], found: &str) -> anyhow::Result<()> {
-        let is_taken = |row: &ReadOption| taken.iter().any(|names| names.contains(&row.name));
+        let is_taken = |row: &FormatOption<O>| taken.iter().any(|names| names.contains(&row.name));
         match self.0.iter().find(|(row, _)| !is_taken(row)) {
             Some((row, _)) => {
                 usage(format!("{} is an option of {}; {found}", flag(row), formats_with(row.name).join(", ")))
@@ -53,7 +53,7 @@ impl Given {
     }
 }
 
-fn flag(row: &ReadOption) -> String {
+fn flag<O>(row: &FormatOption<O>) -> String {
     format!("--{}", row.name.replace('_', "-"))
 }
 
@@ -65,14 +65,19 @@ fn formats_with(name: &str) -> Vec<&'static str> {
 }
 
 /// The arguments of those options that a command takes.
-pub fn arguments(takes: impl Fn(&str) -> bool) -> impl Iterator<Item = Arg> {
-    READ.iter().filter(move |row| takes(row.name)).map(|row| {
+pub fn arguments<O: Default>(
+    all: &'static [FormatOption<O>],
+    takes: impl Fn(&str) -> bool,
+) -> impl Iterator<Item = Arg> {
+    all.iter().filter(move |row| takes(row.name)).map(|row| {
         let arg = Arg::new(row.name).long(row.name.replace('_', "-")).help(row.help);
         if row.value.is_empty() {
             return arg.action(ArgAction::SetTrue);
         }
-        arg.value_name(row.value).value_parser(ValueParser::from(move |text: &str| {
-            (row.set)(&mut ReadOptions::default(), text).map(|()| text.to_owned())
+        // Coordinates may be negative.
+        let are_numbers = row.value.contains(',') && !row.value.ends_with("...");
+        arg.value_name(row.value).allow_hyphen_values(are_numbers).value_parser(ValueParser::from(move |text: &str| {
+            (row.set)(&mut O::default(), text).map(|()| text.to_owned())
         }))
     })
 }
@@ -107,13 +112,13 @@ impl Reader for Stream {
 #[derive(Debug, Clone)]
 pub struct Reading<R> {
     /// What was given.
-    pub given: Given,
+    pub given: Given<ReadOptions>,
     reader: PhantomData<R>,
 }
 
 impl<R: Reader> Args for Reading<R> {
     fn augment_args(command: clap::Command) -> clap::Command {
-        command.args(arguments(R::takes).map(|arg| {
+        command.args(arguments(READ, R::takes).map(|arg| {
             let of_logs = formats_with(arg.get_id().as_str()) == ["mcap"];
             arg.help_heading(if of_logs { LOGS } else { "Files of other programs" })
         }))
@@ -126,7 +131,7 @@ impl<R: Reader> Args for Reading<R> {
 
 impl<R: Reader> FromArgMatches for Reading<R> {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        Ok(Self { given: Given::of(matches, R::takes), reader: PhantomData })
+        Ok(Self { given: Given::of(matches, READ, R::takes), reader: PhantomData })
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {

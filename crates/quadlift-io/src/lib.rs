@@ -19,6 +19,7 @@ pub mod diagnosis;
 mod error;
 pub mod evaluation;
 pub mod file_names;
+mod format_options;
 pub mod formats;
 pub mod guard;
 pub mod images;

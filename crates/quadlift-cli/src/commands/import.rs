@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use clap::error::ErrorKind;
 use clap::{Arg, ArgMatches, FromArgMatches, value_parser};
 use quadlift_io::formats;
-use quadlift_io::read::{DetectionFormat, PoseFormat};
+use quadlift_io::read::{DetectionFormat, PoseFormat, READ, ReadOptions};
 
 use crate::error::Outcome;
 use crate::output::Output;
@@ -42,7 +42,7 @@ Exit codes: 0 success; 1 a file could not be read or written, or no image is a f
 /// A format, and what is read and written.
 pub struct Args {
     path: PathBuf,
-    given: Given,
+    given: Given<ReadOptions>,
     format: Format,
 }
 
@@ -60,7 +60,7 @@ fn takes(format: &DetectionFormat, option: &str) -> bool {
 fn subcommand<A: clap::Args>(name: &'static str, about: &'static str, takes: impl Fn(&str) -> bool) -> clap::Command {
     let path = Arg::new("path").value_name("PATH").required(true).value_parser(value_parser!(PathBuf));
     let command = A::augment_args(clap::Command::new(name).arg(path.help("The file or folder")));
-    command.args(arguments(takes)).about(about).long_about(None::<&str>)
+    command.args(arguments(READ, takes)).about(about).long_about(None::<&str>)
 }
 
 impl clap::Args for Args {
@@ -87,12 +87,12 @@ impl FromArgMatches for Args {
         let (name, matches) = matches.subcommand().ok_or_else(missing)?;
         let path = matches.get_one::<PathBuf>("path").ok_or_else(missing)?.clone();
         if let Some(format) = formats::poses().find(|format| format.name == name) {
-            let given = Given::of(matches, |option| format.options.contains(&option));
+            let given = Given::of(matches, READ, |option| format.options.contains(&option));
             let format = Format::Cameras(format, cameras::CameraArgs::from_arg_matches(matches)?);
             return Ok(Self { path, given, format });
         }
         let format = formats::detections().find(|format| format.name == name).ok_or_else(missing)?;
-        let given = Given::of(matches, |option| takes(format, option));
+        let given = Given::of(matches, READ, |option| takes(format, option));
         let format = Format::Detections(format, detections::DetectionArgs::from_arg_matches(matches)?);
         Ok(Self { path, given, format })
     }

@@ -30,10 +30,11 @@ mod xml;
 #[cfg(test)]
 mod real_data_tests;
 
+pub use crate::format_options::FormatOption;
 pub(crate) use format::recognize;
 pub use format::{DetectionFormat, Format, Found, PoseFormat};
 pub use import::{Import, PixelCenters};
-pub use options::{READ, ReadOption, ReadOptions};
+pub use options::{READ, ReadOptions};
 #[cfg(feature = "mcap")]
 pub(crate) use poses::from_rows;
 pub use probe::Probe;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::import::PixelCenters;
 use crate::correct::assume::image_size;
 use crate::error::ReadError;
+use crate::format_options::{FormatOption, list, name, one_of, path, positive, whole};
 
 /// The options of all formats; each reads its own ([`super::format::Format::options`]).
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -87,43 +88,23 @@ impl ReadOptions {
     }
 }
 
-/// An option of readers: its name, its value and its help, and how it is set by a text.
-#[derive(Debug)]
-pub struct ReadOption {
-    /// The name with underscores; the program writes dashes.
-    pub name: &'static str,
-    /// The placeholder of the value; empty for a flag.
-    pub value: &'static str,
-    /// A short text.
-    pub help: &'static str,
-    /// Sets the option; says what was expected. The text of a flag is empty.
-    pub set: fn(&mut ReadOptions, &str) -> Result<(), String>,
-}
-
-impl PartialEq for ReadOption {
-    fn eq(&self, other: &Self) -> bool {
-        self.name == other.name
-    }
-}
-
-type Set = fn(&mut ReadOptions, &str) -> Result<(), String>;
-
-const fn option(name: &'static str, value: &'static str, help: &'static str, set: Set) -> ReadOption {
-    ReadOption { name, value, help, set }
-}
+type Read = FormatOption<ReadOptions>;
 
 /// All options of readers.
-pub const READ: &[ReadOption] = &[
-    option("names", "FILE", "Class names: one per line, or the `names` of a .yaml file", |o, text| {
+pub const READ: &[Read] = &[
+    Read::new("names", "FILE", "Class names: one per line, or the `names` of a .yaml file", |o, text| {
         path(&mut o.names, text)
     }),
-    option("annotations", "FILE.json", "COCO: the data set that names images and categories of results", |o, text| {
-        path(&mut o.annotations, text)
-    }),
-    option("frame_column", "NAME", "Column of a table that identifies the image (default: by name)", |o, text| {
+    Read::new(
+        "annotations",
+        "FILE.json",
+        "COCO: the data set that names images and categories of results",
+        |o, text| path(&mut o.annotations, text),
+    ),
+    Read::new("frame_column", "NAME", "Column of a table that identifies the image (default: by name)", |o, text| {
         name(&mut o.frame_column, text)
     }),
-    option(
+    Read::new(
         "columns",
         "WHAT",
         "Columns after the box. MOT: auto, det (confidence), gt (flag, class, visibility), class (confidence, class). \
@@ -135,10 +116,10 @@ pub const READ: &[ReadOption] = &[
             )
         },
     ),
-    option("kind", "WHAT", "YOLO, what follows the class: auto, box, polygon or obb (a rotated box)", |o, text| {
+    Read::new("kind", "WHAT", "YOLO, what follows the class: auto, box, polygon or obb (a rotated box)", |o, text| {
         name(&mut o.kind, one_of(text, &["auto", "box", "polygon", "obb"])?)
     }),
-    option(
+    Read::new(
         "box_origin",
         "0|1",
         "MOT: coordinate of the left edge of the first pixel, 1 as in MOTChallenge, 0 as in many trackers [default: 1]",
@@ -147,7 +128,7 @@ pub const READ: &[ReadOption] = &[
             Ok(())
         },
     ),
-    option(
+    Read::new(
         "pixel_centers",
         "WHERE",
         "Position of the center of the first pixel: 0 (integer) or 0.5 (half) [default: half]",
@@ -157,7 +138,7 @@ pub const READ: &[ReadOption] = &[
             Ok(())
         },
     ),
-    option(
+    Read::new(
         "image_size",
         "WxH",
         "Width and height of the images in pixels, if the files do not contain them",
@@ -166,118 +147,96 @@ pub const READ: &[ReadOption] = &[
             Ok(())
         },
     ),
-    option(
+    Read::new(
         "points",
         "N",
         "Maximum number of sparse points to keep, evenly spread; 0 for none [default: 5000]",
         |o, text| whole(&mut o.points, text),
     ),
-    option(
+    Read::new(
         "sequence",
         "NAME",
         "KITTI: the sequence, such as 0001 (default: that of the detections); nuScenes: the scene, such as scene-0061",
         |o, text| name(&mut o.sequence, text),
     ),
-    option("frames", "FIRST-LAST", "KITTI: first and last frame, from 0 (default: all)", |o, text| {
+    Read::new("frames", "FIRST-LAST", "KITTI: first and last frame, from 0 (default: all)", |o, text| {
         let range = text.split_once('-').and_then(|(a, b)| Some(a.trim().parse().ok()?..=b.trim().parse().ok()?));
         o.frames = range.filter(|range| !range.is_empty());
         o.frames.as_ref().map(|_| ()).ok_or_else(|| "expected FIRST-LAST, such as 90-106".to_owned())
     }),
-    option(
+    Read::new(
         "intrinsics",
         "FILE",
         "TUM: a line fx fy cx cy [k1 k2 p1 p2 [k3]], or MODEL WIDTH HEIGHT PARAMS",
         |o, text| path(&mut o.intrinsics, text),
     ),
-    option("image_list", "FILE", "TUM: lines `time image`; each image gets the pose nearest in time", |o, text| {
+    Read::new("image_list", "FILE", "TUM: lines `time image`; each image gets the pose nearest in time", |o, text| {
         path(&mut o.image_list, text)
     }),
-    option(
+    Read::new(
         "time_tolerance",
         "SECONDS",
         "Maximum difference of the times of an image and its pose or frame, in seconds [default: 0.02]",
         |o, text| positive(&mut o.time_tolerance, text),
     ),
-    option("camera", "N", "KITTI raw: number of the camera, 0, 1 (gray), 2 or 3 (color) [default: 2]", |o, text| {
+    Read::new("camera", "N", "KITTI raw: number of the camera, 0, 1 (gray), 2 or 3 (color) [default: 2]", |o, text| {
         o.camera = one_of(text, &["0", "1", "2", "3"])?.parse().ok();
         Ok(())
     }),
-    option(
+    Read::new(
         "calibration_folder",
         "DIR",
         "KITTI raw: folder of the calibration (default: above the drive)",
         |o, text| path(&mut o.calibration_folder, text),
     ),
-    option("channels", "NAME,...", "nuScenes: cameras, such as CAM_FRONT,CAM_BACK (default: all)", |o, text| {
+    Read::new("channels", "NAME,...", "nuScenes: cameras, such as CAM_FRONT,CAM_BACK (default: all)", |o, text| {
         o.channels = list(text);
         Ok(())
     }),
-    option("sweeps", "", "nuScenes: also read the images between the key frames", |o, _| {
+    Read::new("sweeps", "", "nuScenes: also read the images between the key frames", |o, _| {
         o.sweeps = true;
         Ok(())
     }),
-    option("world_object", "ID", "BOP: number of the object whose model frame becomes the world frame", |o, text| {
-        whole(&mut o.world_object, text)
-    }),
-    option("models", "FILE", "BOP: models_info.json (default: in `models` of the parent folders)", |o, text| {
+    Read::new(
+        "world_object",
+        "ID",
+        "BOP: number of the object whose model frame becomes the world frame",
+        |o, text| whole(&mut o.world_object, text),
+    ),
+    Read::new("models", "FILE", "BOP: models_info.json (default: in `models` of the parent folders)", |o, text| {
         path(&mut o.models, text)
     }),
-    option("topics", "NAME,...", "Topics to use instead of all others of their kinds", |o, text| {
+    Read::new("topics", "NAME,...", "Topics to use instead of all others of their kinds", |o, text| {
         o.topics = list(text);
         Ok(())
     }),
-    option(
+    Read::new(
         "world_frame",
         "NAME",
         "The frame in which objects are located [default: root of the transforms]",
         |o, text| name(&mut o.world_frame, text),
     ),
-    option("camera_frame", "NAME", "The frame of the camera [default: the frame_id of its calibration]", |o, text| {
-        name(&mut o.camera_frame, text)
-    }),
-    option(
+    Read::new(
+        "camera_frame",
+        "NAME",
+        "The frame of the camera [default: the frame_id of its calibration]",
+        |o, text| name(&mut o.camera_frame, text),
+    ),
+    Read::new(
         "max_gap",
         "SECONDS",
         "Longest time between two transforms that is interpolated, in seconds [default: 1]",
         |o, text| positive(&mut o.max_gap, text),
     ),
-    option("rectified", "", "The boxes were measured in the rectified image: use P and R, not K and D", |o, _| {
+    Read::new("rectified", "", "The boxes were measured in the rectified image: use P and R, not K and D", |o, _| {
         o.rectified = true;
         Ok(())
     }),
-    option("keep_going", "", "Leave out what is damaged or cannot be read, and use the rest", |o, _| {
+    Read::new("keep_going", "", "Leave out what is damaged or cannot be read, and use the rest", |o, _| {
         o.keep_going = true;
         Ok(())
     }),
-    option("write_images", "DIR", "Write the compressed images of the log into this folder", |o, text| {
+    Read::new("write_images", "DIR", "Write the compressed images of the log into this folder", |o, text| {
         path(&mut o.write_images, text)
     }),
 ];
-
-fn path(option: &mut Option<PathBuf>, text: &str) -> Result<(), String> {
-    *option = Some(text.into());
-    Ok(())
-}
-
-fn name(option: &mut Option<String>, text: &str) -> Result<(), String> {
-    *option = Some(text.to_owned());
-    Ok(())
-}
-
-fn whole<T: std::str::FromStr>(option: &mut Option<T>, text: &str) -> Result<(), String> {
-    *option = Some(text.parse().map_err(|_| "expected a whole number that is not negative".to_owned())?);
-    Ok(())
-}
-
-fn positive(option: &mut Option<f64>, text: &str) -> Result<(), String> {
-    *option = text.trim().parse().ok().filter(|x: &f64| x.is_finite() && *x > 0.0);
-    option.map(|_| ()).ok_or_else(|| "expected a number above 0".to_owned())
-}
-
-fn one_of<'a>(text: &'a str, values: &[&str]) -> Result<&'a str, String> {
-    if values.contains(&text) { Ok(text) } else { Err(format!("expected one of {}", values.join(", "))) }
-}
-
-fn list(text: &str) -> Vec<String> {
-    text.split(',').map(str::to_owned).collect()
-}

@@ -7,6 +7,7 @@ use nalgebra::{Matrix3x4, Rotation3, Vector3};
 use quadlift::geometry::{CamFromWorld, quaternion_from_rotation};
 
 use super::Document;
+use super::format::{ExportFormat, Writer};
 use crate::error::EntryError;
 use crate::instants::instants;
 use crate::scene_file::{FrameRecord, SceneFile};
@@ -54,6 +55,14 @@ fn posed(file: &SceneFile) -> Result<(Vec<Posed<'_>>, Vec<String>), EntryError> 
     Ok((all, notes))
 }
 
+/// The row of this format.
+pub(super) const TUM: ExportFormat = ExportFormat {
+    name: "tum",
+    about: "TUM: the trajectory of a camera, as given or refined",
+    options: &["camera"],
+    write: Writer::Cameras(|file, options| tum(file, options.camera.as_deref())),
+};
+
 /// The trajectory of one camera: lines `time tx ty tz qx qy qz qw`, camera-to-world, in the order of time. `camera` may be left out if all
 /// frames have the same one. Frames without times get their numbers.
 ///
@@ -91,6 +100,14 @@ pub fn tum(file: &SceneFile, camera: Option<&str>) -> Result<Document, EntryErro
     }
     Ok(Document { content: text.into_bytes(), counts: vec![("pose", frames.len())], notes })
 }
+
+/// The row of this format.
+pub(super) const COLMAP: ExportFormat = ExportFormat {
+    name: "colmap",
+    about: "COLMAP: a folder with the model of the cameras, as given or refined, in text form",
+    options: &[],
+    write: Writer::CameraFolder(COLMAP_FILES, colmap_model),
+};
 
 /// The cameras, images and points as a COLMAP model in text form: the files of [`COLMAP_FILES`]. Cameras whose ids are not whole numbers
 /// get numbers from 1; the points have no tracks, because the scene does not have their pixels.

@@ -42,7 +42,7 @@ impl DirectArgs {
     }
 
     /// The options of readers that were given.
-    pub fn given(&self) -> &Given {
+    pub fn given(&self) -> &Given<ReadOptions> {
         &self.reading.given
     }
 
