@@ -218,7 +218,7 @@ def record(program, folder):
     # 4: the files and commands of the pages, one folder each, in their order.
     def page(path):
         name, place = path.stem, folder / "pages" / path.stem
-        data, texts = ROOT / "docs/data" / path.stem, []
+        data, texts = ROOT / "docs/data" / path.stem.replace("tutorial", "tutorial-colmap-yolo"), []
         place.mkdir(parents=True)
         if data.is_dir():
             shutil.copytree(data, place, dirs_exist_ok=True)

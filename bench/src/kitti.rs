@@ -40,7 +40,7 @@ const DISTANCE: [Measure; 2] = [Measure::CenterWithin(1.0), Measure::CenterWithi
 /// Height of KITTI's cameras above the road, metres (from the description of the data set).
 pub(crate) const CAMERA_HEIGHT: f64 = 1.65;
 
-/// Errors of the poses of a car with GPS and IMU, for the row that estimates them (E9).
+/// Errors of the poses of a car with GPS and IMU, for the row that estimates them.
 const POSE_NOISE: PoseNoise = PoseNoise { rotation_sd: 0.003, translation_sd: 0.1 };
 
 /// The row for cars that a detector has found.

@@ -74,7 +74,7 @@ enum Command {
     /// Tuned constants, halved and doubled (not part of all; without data: synthetic scenes only)
     #[cfg(feature = "sensitivity")]
     Sensitivity(Options),
-    /// All of them, for docs/results.md
+    /// All of them
     All(Options),
 }
 

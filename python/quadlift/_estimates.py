@@ -58,7 +58,7 @@ class Alternative:
     center : ndarray, shape (3,)
         Its centre in the world.
     body_axes : ndarray, shape (3,)
-        Half extents of the cuboid.
+        Half extents of the body, which is of the kind of the object (semi-axes of a superellipsoid).
     quaternion : ndarray, shape (4,)
         Its rotation, world from object: a unit quaternion, w first.
     log_odds : float

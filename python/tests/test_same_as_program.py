@@ -70,7 +70,10 @@ def compare(estimates: quadlift.Estimates, objects: list[dict[str, Any]]) -> Non
         for other, wanted in zip(others, expected, strict=True):
             assert other.log_odds == wanted["log_odds"]
             found = [other.center, other.body_axes, other.quaternion]
-            same(found, [wanted["cuboid"][field] for field in ("center", "half_extents", "rotation")])
+            axes = {"cuboid": ["half_extents"], "superellipsoid": ["semi_axes"], "cylinder": ["radii", "half_height"]}
+            (kind,) = wanted.keys() - {"log_odds"}
+            half_extents = np.hstack([wanted[kind][field] for field in axes[kind]])
+            same(found, [wanted[kind]["center"], half_extents, wanted[kind]["rotation"]])
 
 
 @pytest.mark.parametrize("name", list(SCENES))

@@ -23,7 +23,7 @@ impl ReportDetections {
         }
         let projection = scene.frames.get(detection.frame_index as usize).map(|frame| &frame.projection);
         if let Some(cuboid) = cues.box3d.zip(projection).and_then(|(measured, p)| box_in_world(&measured, p)) {
-            let body = ReportBody::from(&cuboid);
+            let body = ReportBody::from(&Body::Cuboid(cuboid));
             self.boxes3d.push((
                 row,
                 ReportBody {
@@ -102,7 +102,7 @@ mod tests {
         }
         let scene = builder.build();
         let mut rows = ReportDetections::default();
-        let body = ReportBody::from(&ball);
+        let body = ReportBody::from(&Body::Ellipsoid(ball));
         rows.push_cues(0, &scene, &scene.detections[0], Some(&body));
         rows.push_cues(1, &scene, &scene.detections[1], None);
         let (row, measured, ratio) = rows.depths[0];

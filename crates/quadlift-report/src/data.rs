@@ -4,7 +4,7 @@
 
 use nalgebra::Point3;
 use quadlift::geometry::{
-    Body, Cuboid, Cylinder, Ellipsoid, Superellipsoid, quaternion_from_rotation, rotation_from_quaternion,
+    Body, ConvexBody, Cuboid, Cylinder, Ellipsoid, Superellipsoid, quaternion_from_rotation, rotation_from_quaternion,
 };
 use serde::Serialize;
 
@@ -228,55 +228,23 @@ impl ReportBody {
     }
 }
 
-impl From<&Ellipsoid> for ReportBody {
-    fn from(body: &Ellipsoid) -> Self {
+impl From<&Body> for ReportBody {
+    fn from(body: &Body) -> Self {
+        let (kind, exponent) = match body {
+            Body::Ellipsoid(_) => ("ellipsoid", 2.0),
+            Body::Cuboid(_) => ("cuboid", 1.0),
+            Body::Cylinder(_) => ("cylinder", 1.0),
+            // The page draws the first two exactly by their own shapes.
+            Body::Superellipsoid(body) if body.support_exponent <= 1.0 => ("cuboid", body.support_exponent),
+            Body::Superellipsoid(body) if body.support_exponent >= 2.0 => ("ellipsoid", body.support_exponent),
+            Body::Superellipsoid(body) => ("superellipsoid", body.support_exponent),
+        };
         Self {
-            kind: "ellipsoid",
-            center: body.center.coords.into(),
-            half: body.semi_axes.into(),
-            rotation: quaternion_from_rotation(&body.rotation),
-            exponent: 2.0,
-        }
-    }
-}
-
-impl From<&Cuboid> for ReportBody {
-    fn from(body: &Cuboid) -> Self {
-        Self {
-            kind: "cuboid",
-            center: body.center.coords.into(),
-            half: body.half_extents.into(),
-            rotation: quaternion_from_rotation(&body.rotation),
-            exponent: 1.0,
-        }
-    }
-}
-
-impl From<&Cylinder> for ReportBody {
-    fn from(body: &Cylinder) -> Self {
-        Self {
-            kind: "cylinder",
-            center: body.center.coords.into(),
+            kind,
+            center: body.center().coords.into(),
             half: body.half_extents().into(),
-            rotation: quaternion_from_rotation(&body.rotation),
-            exponent: 1.0,
-        }
-    }
-}
-
-impl From<&Superellipsoid> for ReportBody {
-    fn from(body: &Superellipsoid) -> Self {
-        Self {
-            // The page draws these two exactly by their own shapes.
-            kind: match body.support_exponent {
-                q if q <= 1.0 => "cuboid",
-                q if q >= 2.0 => "ellipsoid",
-                _ => "superellipsoid",
-            },
-            center: body.center.coords.into(),
-            half: body.semi_axes.into(),
-            rotation: quaternion_from_rotation(&body.rotation),
-            exponent: body.support_exponent,
+            rotation: quaternion_from_rotation(&body.rotation()),
+            exponent,
         }
     }
 }

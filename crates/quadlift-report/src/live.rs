@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Bound;
 
 use nalgebra::Vector2;
+use quadlift::geometry::Body;
 use quadlift::online::{Detection, Event, Frame, FrameUpdate, MapObject, ObjectId, ObjectMap, Presence};
 use quadlift::scene::Shape;
 use quadlift_io::stream::EventRecord;
@@ -179,7 +180,8 @@ impl LiveMap {
         let (mut changed, mut gone) = (Vec::new(), Vec::new());
         for &id in objects {
             let object = map.object(id).filter(|object| object.id == id && object.presence == Presence::Confirmed);
-            let body = object.as_ref().and_then(|object| drawable(&ReportBody::from(&object.ellipsoid)));
+            let body =
+                object.as_ref().and_then(|object| drawable(&ReportBody::from(&Body::Ellipsoid(object.ellipsoid))));
             match (object, body) {
                 (Some(object), Some(body)) => {
                     let shown = (body, category(&object));
@@ -295,7 +297,9 @@ mod tests {
     fn bodies(map: &ObjectMap) -> BTreeMap<String, RecordingBody> {
         let confirmed = map.objects().filter(|object| object.presence == Presence::Confirmed);
         confirmed
-            .map(|object| (object.id.to_string(), drawable(&ReportBody::from(&object.ellipsoid)).unwrap()))
+            .map(|object| {
+                (object.id.to_string(), drawable(&ReportBody::from(&Body::Ellipsoid(object.ellipsoid))).unwrap())
+            })
             .collect()
     }
 

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use nalgebra::{Matrix3, Point3};
-use quadlift::geometry::{Cuboid, Ellipsoid};
+use quadlift::geometry::{Body, Ellipsoid};
 use quadlift::scene::Detection;
 use quadlift_io::EntryError;
 use quadlift_io::scene_file::{ObjectBodies, ObjectRecord};
@@ -89,7 +89,7 @@ impl Objects {
 
     /// An estimate with the other bodies that fit as well; `limit` is the squared distance at which the region of its centre
     /// ends.
-    fn estimate(&mut self, record: &ObjectRecord, bodies: ObjectBodies, others: &[(Cuboid, f64)], limit: f64) {
+    fn estimate(&mut self, record: &ObjectRecord, bodies: ObjectBodies, others: &[(Body, f64)], limit: f64) {
         if record.status.is_none() {
             // An object without a status is not an estimate: in a scene that was never localised it is ground truth.
             return self.truth(bodies, Some(&record.id));
@@ -102,14 +102,10 @@ impl Objects {
         object.status = record.status.clone();
         object.center = bodies.center.map(|center: Point3<f64>| center.coords.into());
         object.center_sd = record.center_sd;
-        object.center_shell = shell.as_ref().map(Into::into);
-        object.body = body(&bodies, None);
-        object.enclosing = (bodies.enclosing_cuboid.as_ref().map(ReportBody::from))
-            .or(bodies.enclosing_cylinder.as_ref().map(Into::into))
-            .or(bodies.enclosing_superellipsoid.as_ref().map(Into::into))
-            .or(bodies.enclosing_ellipsoid.as_ref().map(Into::into));
-        let alternative =
-            |(cuboid, log_odds): &(Cuboid, f64)| ReportAlternative { body: cuboid.into(), log_odds: *log_odds };
+        object.center_shell = shell.map(|shell| (&Body::Ellipsoid(shell)).into());
+        object.body = bodies.body().as_ref().map(Into::into);
+        object.enclosing = bodies.enclosing_body().as_ref().map(Into::into);
+        let alternative = |(body, log_odds): &(Body, f64)| ReportAlternative { body: body.into(), log_odds: *log_odds };
         object.alternatives = others.iter().map(alternative).collect();
         object.misfit = record.misfit.as_ref().map(|misfit| misfit.relative);
         object.misfit_deviations = record.misfit.as_ref().map(|misfit| misfit.deviations);
@@ -153,12 +149,6 @@ impl Objects {
 
 /// The body of an object: of the kind `like` if it has one, otherwise cuboid, cylinder, superellipsoid or ellipsoid.
 fn body(bodies: &ObjectBodies, like: Option<&str>) -> Option<ReportBody> {
-    let ellipsoid = bodies.ellipsoid.as_ref().map(ReportBody::from);
-    if like == Some("ellipsoid") && ellipsoid.is_some() {
-        return ellipsoid;
-    }
-    (bodies.cuboid.as_ref().map(Into::into))
-        .or(bodies.cylinder.as_ref().map(Into::into))
-        .or(bodies.superellipsoid.as_ref().map(Into::into))
-        .or(ellipsoid)
+    let ellipsoid = bodies.ellipsoid.filter(|_| like == Some("ellipsoid")).map(Body::Ellipsoid);
+    ellipsoid.or(bodies.body()).as_ref().map(Into::into)
 }

@@ -153,7 +153,7 @@ pub struct RecordingBox3d {
 impl RecordingBox3d {
     /// A 3D box in the frame of a camera; `None` if it lacks centre, size or rotation.
     pub(crate) fn new(measured: &Box3dCue, projection: &Projection, owner: &Owner) -> Option<Self> {
-        let body = drawable(&ReportBody::from(&box_in_world(measured, projection)?))?;
+        let body = drawable(&ReportBody::from(&Body::Cuboid(box_in_world(measured, projection)?)))?;
         Some(Self { body, owner: owner.clone() })
     }
 }
@@ -221,7 +221,7 @@ fn category(report: &Report, object_index: usize) -> Option<String> {
 pub(crate) fn drawable(body: &ReportBody) -> Option<RecordingBody> {
     let drawn = match body.body()? {
         // Rerun has ellipsoids and boxes.
-        round @ (Body::Cylinder(_) | Body::Superellipsoid(_)) => ReportBody::from(&round.ellipsoid()),
+        round @ (Body::Cylinder(_) | Body::Superellipsoid(_)) => ReportBody::from(&Body::Ellipsoid(round.ellipsoid())),
         _ => body.clone(),
     };
     let [w, x, y, z] = drawn.rotation;

@@ -1,9 +1,9 @@
-//! `docs/troubleshooting.md`: what one sees of each mistake, from the program's real output. With QUADLIFT_UPDATE_DOCS=1 the
-//! test rewrites it.
+//! `docs/troubleshooting.md`: the program's message for each input error. With QUADLIFT_UPDATE_DOCS=1 the test rewrites it.
 
 use std::fmt::Write;
 use std::path::Path;
 
+use crate::bad_inputs;
 use crate::common::Folder;
 use crate::common::mistakes::{Mistake, inverse, mistakes, right_scene, with_boxes, with_poses};
 use serde_json::Value;
@@ -11,38 +11,98 @@ use serde_json::Value;
 const INTRODUCTION: &str = "\
 # When it does not work
 
-This page lists common input mistakes and the message that quadlift prints for each. `quadlift localize`, `associate` and
-`segment` check whether poses, cameras and boxes fit together. If they do not, the command ends with exit code 3, says why,
-and names the option that corrects it; no object has the status `ok`. `quadlift info scene.json` runs the same check and
-computes nothing else.
+What to do when a command fails, or finds nothing. This command checks whether poses, cameras and boxes are consistent:
 
-Correct the file if you can. Otherwise add the option that the message names, or `--fix`, which applies up to three
-corrections and prints each. `--accept-inconsistent` skips the check. The options are described in
-[the program](cli.md#the-self-check).
+    quadlift info scene.json
 
-The tests of quadlift make each mistake in a correct scene (8 objects, 12 frames), run the program, and write its output
-here. Do not edit this page; after a change, run `QUADLIFT_UPDATE_DOCS=1 cargo test -p quadlift-cli --test
-troubleshooting`.
+`quadlift localize`, `associate` and `segment` run the same check. On an inconsistent scene they end with exit code 3, print the
+cause and the option that corrects it, and no object has the status `ok`. Correct the file if you can. Otherwise add the option
+that the message names, or `--fix`, which applies up to three corrections and prints each. `--accept-inconsistent` skips the
+check ([options](cli.md#the-self-check)).
+
+The tests of quadlift make each input error in a correct scene and write the message here. Do not edit this page; after a change,
+run `QUADLIFT_UPDATE_DOCS=1 cargo test -p quadlift-cli --test program troubleshooting`.
 ";
 
-const UNSEEN: &str = "
-## What cannot be detected
+const SYMPTOMS: &str = "
+## No error, but poor objects
 
-- The unit of length. A scene in millimetres looks like a scene in metres that is a thousand times as large. Only category
-  sizes (`--priors`) or the camera height (`--camera-height`) can distinguish them.
-- A mistake that transforms everything in the same way, such as a mirrored or rotated world: the scene stays consistent.
-- Small mistakes in scenes with few frames, few objects or very noisy boxes.
-- A false box of an object with only two views. Some body fits nearly any two boxes; a third view is needed to detect that
-  one of them is wrong.
-
-## Other causes
-
-- Few views: two views determine an object roughly, one view only with a [depth or a 3D box](cues.md). `quadlift localize -v`
+- **Few views.** Two views determine an object roughly, one view only with a [depth or a 3D box](cues.md). `quadlift localize -v`
   lists rejected views with reasons.
-- Moving objects. `quadlift associate` marks them as doubtful.
-- Bodies that seem too small: see tangent and enclosing bodies in [concepts](concepts.md#tangent-or-enclosing).
-- Messages about files: see [errors](errors.md).
+- **Moving objects.** `quadlift associate` marks them as doubtful.
+- **Bodies are too small.** The tangent body fills the boxes, the enclosing one the object
+  ([concepts](concepts.md#tangent-or-enclosing)).
+- **All lengths are wrong by a factor.** A scene in millimeters is as consistent as one in meters. Only category sizes
+  (`--priors`) or the camera height (`--camera-height`) show the difference.
+- **The world is mirrored or rotated.** A transform of everything leaves a scene consistent.
+- **An object of two views is wrong.** Some body fits nearly any two boxes; a third view shows which one is false.
+- **Small errors** in scenes with few frames, few objects or very noisy boxes are not found.
+
+## Messages about files
+
+A message has the file, the line and column or the entry, what was found and what was expected. Lists count from zero:
+`detections[2]` is the third one. Nothing is written when a file is rejected.
 ";
+
+/// Input errors that are common, by the files that have them.
+const MESSAGES: [(&str, &[&str]); 4] = [
+    (
+        "Scene files",
+        &[
+            "no \"format\"",
+            "an unknown frame",
+            "an unknown camera model",
+            "a camera model with too few parameters",
+            "a pose that is not a rotation",
+            "a frame with neither pose nor projection",
+            "NaN",
+            "neither a box nor an ellipse",
+            "an object twice in one frame",
+            "an id that is a number",
+            "several sources and none chosen",
+        ],
+    ),
+    (
+        "Nothing is found",
+        &[
+            "an empty scene",
+            "no detection has an object id",
+            "objects that are seen once",
+            "all views from one point",
+            "all detections in one frame",
+            "scores that are all too low",
+        ],
+    ),
+    (
+        "Cameras and detections of other programs",
+        &[
+            "no image is a frame",
+            "images of another size",
+            "a track twice in one image",
+            "no column for the image",
+            "columns without names",
+            "pixels in a YOLO file",
+            "a score or a track id",
+            "a trajectory without intrinsics",
+            "cameras of another program in place of a scene",
+            "a bag of ROS 1",
+            "a log without the world's frame",
+        ],
+    ),
+    (
+        "Images, outputs, evaluation",
+        &[
+            "an image of another size than the camera's",
+            "masks as observations where there are none",
+            "an output that is the scene",
+            "a result in another format",
+            "a truth without objects",
+            "no common object",
+            "objects without a body",
+            "Parquet, which the program was built without",
+        ],
+    ),
+];
 
 /// A line that is longer than the page is wide, in several.
 fn wrapped(line: &str) -> String {
@@ -110,9 +170,7 @@ fn tutorial() -> String {
     folder.write("resized.csv", resized);
     folder.write("letterboxed.csv", letterboxed);
     let mut text =
-        "\n## With COLMAP and a detector\n\nThe same mistakes in the files of [the tutorial](tutorial-colmap-yolo.md): \
-        a COLMAP model and boxes without\nobject ids.\n"
-            .to_owned();
+        "\n## With COLMAP and a detector\n\nThe check also works without object ids, as in the files of [the tutorial](tutorial.md).\n".to_owned();
     for (title, story, detections) in [
         (
             "### Boxes of resized images",
@@ -153,12 +211,22 @@ fn recorded(folder: &Folder, title: &str, story: &str, wrong: &str) -> String {
     let mended = folder.succeed(&command);
     let summary = mended.lines().find(|line| line.contains("localised")).unwrap();
     // Where detections are matched with cameras, options work on them before there is a scene to correct.
-    let mut lines = vec![summary];
-    lines.extend(mended.lines().filter(|line| line.starts_with("corrected: ")));
-    assert!(lines.len() > 1 || wrong.contains("--cameras"), "{title}: {mended}");
+    let corrected = mended.lines().any(|line| line.starts_with("corrected: "));
+    assert!(summary.contains("objects localised") && (corrected || wrong.contains("--cameras")), "{title}: {mended}");
     let mut text = format!("\n{title}\n\n{}\n\n", wrapped(story));
-    writeln!(text, "```text\n$ quadlift {wrong}\n{}", wrapped(run.stderr.trim_end())).unwrap();
-    writeln!(text, "$ quadlift {command}\n{}\n```", lines.join("\n")).unwrap();
+    writeln!(text, "```text\n{}\n```", wrapped(run.stderr.trim_end())).unwrap();
+    text
+}
+
+/// Tables of messages about files.
+fn messages() -> String {
+    let mut text = String::new();
+    for (heading, titles) in MESSAGES {
+        writeln!(text, "\n### {heading}\n\n| Input error | Message |\n| --- | --- |").unwrap();
+        for title in titles {
+            writeln!(text, "{}", bad_inputs::row(title)).unwrap();
+        }
+    }
     text
 }
 
@@ -173,7 +241,8 @@ fn the_page_is_what_the_program_says() {
     }
     page.push_str(&two_mistakes(&folder, &right));
     page.push_str(&tutorial());
-    page.push_str(UNSEEN);
+    page.push_str(SYMPTOMS);
+    page.push_str(&messages());
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/troubleshooting.md");
     if std::env::var_os("QUADLIFT_UPDATE_DOCS").is_some() {
         std::fs::write(&path, &page).unwrap();

@@ -9,7 +9,10 @@ use serde_json::{Value, json};
 use crate::correct::move_world;
 use crate::error::EntryError;
 use crate::locate::LOCATION;
-use crate::scene_file::{CovarianceRecord, ObjectRecord, REFERENCE, SceneFile};
+use crate::scene_file::{
+    BodyRecord, CovarianceRecord, CuboidRecord, CylinderRecord, EllipsoidRecord, ObjectRecord, REFERENCE, SceneFile,
+    SuperellipsoidRecord,
+};
 
 /// The order of the entries of `vech` in a covariance.
 const VECH: [(usize, usize); 6] = [(0, 0), (1, 0), (2, 0), (1, 1), (2, 1), (2, 2)];
@@ -74,28 +77,38 @@ fn move_object(object: &mut ObjectRecord, to: &Similarity) {
     let enlarge = |lengths: &mut [f64]| lengths.iter_mut().for_each(|length| *length *= to.scale);
     object.center.iter_mut().for_each(center);
     object.center_sd = object.center_sd.map(|sd| sd * to.scale);
-    for body in [&mut object.ellipsoid, &mut object.enclosing_ellipsoid].into_iter().flatten() {
+    let ellipsoid = |body: &mut EllipsoidRecord| {
         center(&mut body.center);
         turn(&mut body.rotation);
         enlarge(&mut body.semi_axes);
-    }
-    let alternatives = object.alternatives.iter_mut().map(|other| &mut other.cuboid);
-    let cuboids = [&mut object.cuboid, &mut object.enclosing_cuboid].into_iter().flatten().map(|body| &mut **body);
-    for body in cuboids.chain(alternatives) {
+    };
+    let cuboid = |body: &mut CuboidRecord| {
         center(&mut body.center);
         turn(&mut body.rotation);
         enlarge(&mut body.half_extents);
-    }
-    for body in [&mut object.cylinder, &mut object.enclosing_cylinder].into_iter().flatten() {
+    };
+    let cylinder = |body: &mut CylinderRecord| {
         center(&mut body.center);
         turn(&mut body.rotation);
         enlarge(&mut body.radii);
         body.half_height *= to.scale;
-    }
-    for body in [&mut object.superellipsoid, &mut object.enclosing_superellipsoid].into_iter().flatten() {
+    };
+    let superellipsoid = |body: &mut SuperellipsoidRecord| {
         center(&mut body.center);
         turn(&mut body.rotation);
         enlarge(&mut body.semi_axes);
+    };
+    object.ellipsoid.iter_mut().chain(&mut object.enclosing_ellipsoid).for_each(ellipsoid);
+    object.cuboid.iter_mut().chain(&mut object.enclosing_cuboid).for_each(|body| cuboid(body));
+    object.cylinder.iter_mut().chain(&mut object.enclosing_cylinder).for_each(|body| cylinder(body));
+    object.superellipsoid.iter_mut().chain(&mut object.enclosing_superellipsoid).for_each(|body| superellipsoid(body));
+    for other in &mut object.alternatives {
+        match &mut other.body {
+            BodyRecord::Ellipsoid(body) => ellipsoid(body),
+            BodyRecord::Cuboid(body) => cuboid(body),
+            BodyRecord::Cylinder(body) => cylinder(body),
+            BodyRecord::Superellipsoid(body) => superellipsoid(body),
+        }
     }
     if let Some(covariance) = &mut object.covariance {
         move_covariance(covariance, to);

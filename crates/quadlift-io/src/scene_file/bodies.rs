@@ -7,7 +7,7 @@ use quadlift::geometry::{Body, Cuboid, Cylinder, Ellipsoid, Superellipsoid, rota
 use quadlift::solve::{Covariance, CovarianceCoordinates, Matrix9, Status};
 
 use super::object_records::{
-    CovarianceRecord, CuboidRecord, CylinderRecord, EllipsoidRecord, ObjectRecord, SuperellipsoidRecord,
+    BodyRecord, CovarianceRecord, CuboidRecord, CylinderRecord, EllipsoidRecord, ObjectRecord, SuperellipsoidRecord,
 };
 use super::records::SceneFile;
 use crate::error::EntryError;
@@ -82,16 +82,25 @@ impl SceneFile {
 }
 
 impl ObjectRecord {
-    /// The other cuboids that fit the object's views about as well, with their log odds. `entry` is the place of the
+    /// The other bodies that fit the object's views about as well, with their log odds. `entry` is the place of the
     /// object in the file.
     ///
     /// # Errors
-    /// [`EntryError`] names the first number that makes no cuboid.
-    pub fn to_alternatives(&self, entry: &str) -> Result<Vec<(Cuboid, f64)>, EntryError> {
+    /// [`EntryError`] names the first number that makes no body.
+    pub fn to_alternatives(&self, entry: &str) -> Result<Vec<(Body, f64)>, EntryError> {
+        let place = |k: usize, kind: &str| format!("{entry}.alternatives[{k}].{kind}");
         let others = self.alternatives.iter().enumerate();
         others
             .map(|(k, other)| {
-                Ok((one_cuboid(&other.cuboid, format!("{entry}.alternatives[{k}].cuboid"))?, other.log_odds))
+                let body = match &other.body {
+                    BodyRecord::Ellipsoid(record) => Body::Ellipsoid(ellipsoid(record, place(k, "ellipsoid"))?),
+                    BodyRecord::Cuboid(record) => Body::Cuboid(cuboid(record, place(k, "cuboid"))?),
+                    BodyRecord::Cylinder(record) => Body::Cylinder(cylinder(record, place(k, "cylinder"))?),
+                    BodyRecord::Superellipsoid(record) => {
+                        Body::Superellipsoid(superellipsoid(record, place(k, "superellipsoid"))?)
+                    }
+                };
+                Ok((body, other.log_odds))
             })
             .collect()
     }
@@ -104,14 +113,18 @@ fn bodies(record: &ObjectRecord, entry: &str) -> Result<ObjectBodies, EntryError
         category: record.category.clone(),
         status: record.status.as_deref().map(|name| status(name, place("status"))).transpose()?,
         center: None,
-        ellipsoid: ellipsoid(&record.ellipsoid, place("ellipsoid"))?,
-        enclosing_ellipsoid: ellipsoid(&record.enclosing_ellipsoid, place("enclosing_ellipsoid"))?,
-        cuboid: cuboid(&record.cuboid, place("cuboid"))?,
-        enclosing_cuboid: cuboid(&record.enclosing_cuboid, place("enclosing_cuboid"))?,
-        cylinder: cylinder(&record.cylinder, place("cylinder"))?,
-        enclosing_cylinder: cylinder(&record.enclosing_cylinder, place("enclosing_cylinder"))?,
-        superellipsoid: superellipsoid(&record.superellipsoid, place("superellipsoid"))?,
-        enclosing_superellipsoid: superellipsoid(&record.enclosing_superellipsoid, place("enclosing_superellipsoid"))?,
+        ellipsoid: given(record.ellipsoid.as_ref(), place("ellipsoid"), ellipsoid)?,
+        enclosing_ellipsoid: given(record.enclosing_ellipsoid.as_ref(), place("enclosing_ellipsoid"), ellipsoid)?,
+        cuboid: given(record.cuboid.as_deref(), place("cuboid"), cuboid)?,
+        enclosing_cuboid: given(record.enclosing_cuboid.as_deref(), place("enclosing_cuboid"), cuboid)?,
+        cylinder: given(record.cylinder.as_deref(), place("cylinder"), cylinder)?,
+        enclosing_cylinder: given(record.enclosing_cylinder.as_deref(), place("enclosing_cylinder"), cylinder)?,
+        superellipsoid: given(record.superellipsoid.as_deref(), place("superellipsoid"), superellipsoid)?,
+        enclosing_superellipsoid: given(
+            record.enclosing_superellipsoid.as_deref(),
+            place("enclosing_superellipsoid"),
+            superellipsoid,
+        )?,
         covariance: covariance(record.covariance.as_deref(), place("covariance"))?,
     };
     object.center = match record.center {
@@ -124,20 +137,24 @@ fn bodies(record: &ObjectRecord, entry: &str) -> Result<ObjectBodies, EntryError
     Ok(object)
 }
 
-fn ellipsoid(record: &Option<EllipsoidRecord>, place: String) -> Result<Option<Ellipsoid>, EntryError> {
-    let Some(record) = record else { return Ok(None) };
-    Ok(Some(Ellipsoid {
+/// The body of a record where there is one.
+fn given<R, B>(
+    record: Option<&R>,
+    place: String,
+    body: fn(&R, String) -> Result<B, EntryError>,
+) -> Result<Option<B>, EntryError> {
+    record.map(|record| body(record, place)).transpose()
+}
+
+fn ellipsoid(record: &EllipsoidRecord, place: String) -> Result<Ellipsoid, EntryError> {
+    Ok(Ellipsoid {
         center: finite_point(&record.center, format!("{place}.center"))?,
         semi_axes: positive_lengths(&record.semi_axes, format!("{place}.semi_axes"))?,
         rotation: unit_rotation(&record.rotation, format!("{place}.rotation"))?,
-    }))
+    })
 }
 
-fn cuboid(record: &Option<Box<CuboidRecord>>, place: String) -> Result<Option<Cuboid>, EntryError> {
-    record.as_ref().map(|record| one_cuboid(record, place)).transpose()
-}
-
-fn one_cuboid(record: &CuboidRecord, place: String) -> Result<Cuboid, EntryError> {
+fn cuboid(record: &CuboidRecord, place: String) -> Result<Cuboid, EntryError> {
     Ok(Cuboid {
         center: finite_point(&record.center, format!("{place}.center"))?,
         half_extents: positive_lengths(&record.half_extents, format!("{place}.half_extents"))?,
@@ -145,8 +162,7 @@ fn one_cuboid(record: &CuboidRecord, place: String) -> Result<Cuboid, EntryError
     })
 }
 
-fn cylinder(record: &Option<Box<CylinderRecord>>, place: String) -> Result<Option<Cylinder>, EntryError> {
-    let Some(record) = record else { return Ok(None) };
+fn cylinder(record: &CylinderRecord, place: String) -> Result<Cylinder, EntryError> {
     let positive = |x: f64| x > 0.0 && x.is_finite();
     if !record.radii.into_iter().all(positive) {
         let problem = format!("expected two positive numbers, found {:?}", record.radii);
@@ -156,30 +172,26 @@ fn cylinder(record: &Option<Box<CylinderRecord>>, place: String) -> Result<Optio
         let problem = format!("expected a positive number, found {:?}", record.half_height);
         return Err(EntryError::new(format!("{place}.half_height"), problem));
     }
-    Ok(Some(Cylinder {
+    Ok(Cylinder {
         center: finite_point(&record.center, format!("{place}.center"))?,
         radii: Vector2::from(record.radii),
         half_height: record.half_height,
         rotation: unit_rotation(&record.rotation, format!("{place}.rotation"))?,
-    }))
+    })
 }
 
-fn superellipsoid(
-    record: &Option<Box<SuperellipsoidRecord>>,
-    place: String,
-) -> Result<Option<Superellipsoid>, EntryError> {
-    let Some(record) = record else { return Ok(None) };
+fn superellipsoid(record: &SuperellipsoidRecord, place: String) -> Result<Superellipsoid, EntryError> {
     let support_exponent = record.support_exponent;
     if !(1.0..=2.0).contains(&support_exponent) {
         let problem = format!("{support_exponent} is not a number from 1 (cuboid) to 2 (ellipsoid)");
         return Err(EntryError::new(format!("{place}.support_exponent"), problem));
     }
-    Ok(Some(Superellipsoid {
+    Ok(Superellipsoid {
         center: finite_point(&record.center, format!("{place}.center"))?,
         semi_axes: positive_lengths(&record.semi_axes, format!("{place}.semi_axes"))?,
         rotation: unit_rotation(&record.rotation, format!("{place}.rotation"))?,
         support_exponent,
-    }))
+    })
 }
 
 fn finite_point(point: &[f64; 3], place: String) -> Result<Point3<f64>, EntryError> {

@@ -32,8 +32,8 @@ pub use cue_records::{Box3dRecord, Box3dSdRecord, CueSourceRecord, DepthRecord, 
 pub use depth_images::{DepthImageRecord, DepthsFound};
 pub use images::{MaskSource, SceneImages};
 pub use object_records::{
-    AlternativeRecord, CovarianceRecord, CrossValidationRecord, CuboidRecord, CylinderRecord, EllipsoidRecord,
-    MisfitRecord, ObjectRecord, SuperellipsoidRecord, ViewRecord,
+    AlternativeRecord, BodyRecord, CovarianceRecord, CrossValidationRecord, CuboidRecord, CylinderRecord,
+    EllipsoidRecord, MisfitRecord, ObjectRecord, SuperellipsoidRecord, ViewRecord,
 };
 pub use paths::way_to_file;
 pub use point_clouds::PointCloudRecord;

@@ -153,11 +153,26 @@ pub struct SuperellipsoidRecord {
     pub extra: Map<String, Value>,
 }
 
+/// A body of any kind, under the name of its kind.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BodyRecord {
+    /// An ellipsoid.
+    Ellipsoid(EllipsoidRecord),
+    /// A cuboid.
+    Cuboid(CuboidRecord),
+    /// A cylinder.
+    Cylinder(CylinderRecord),
+    /// A superellipsoid.
+    Superellipsoid(SuperellipsoidRecord),
+}
+
 /// Another body that agrees with an object's measurements (see [`quadlift::solve::Alternative`]).
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AlternativeRecord {
-    /// The cuboid that touches the measurements.
-    pub cuboid: CuboidRecord,
+    /// The body that touches the measurements.
+    #[serde(flatten)]
+    pub body: BodyRecord,
     /// Natural logarithm of its odds against the reported body.
     pub log_odds: f64,
     /// Unknown fields.
@@ -264,6 +279,17 @@ impl From<&Superellipsoid> for SuperellipsoidRecord {
         let (semi_axes, rotation) = (body.semi_axes.into(), quaternion_from_rotation(&body.rotation));
         let support_exponent = body.support_exponent;
         Self { center: list(&body.center), semi_axes, rotation, support_exponent, extra: Map::new() }
+    }
+}
+
+impl From<&Body> for BodyRecord {
+    fn from(body: &Body) -> Self {
+        match body {
+            Body::Ellipsoid(ellipsoid) => Self::Ellipsoid(ellipsoid.into()),
+            Body::Cuboid(cuboid) => Self::Cuboid(cuboid.into()),
+            Body::Cylinder(cylinder) => Self::Cylinder(cylinder.into()),
+            Body::Superellipsoid(superellipsoid) => Self::Superellipsoid(superellipsoid.into()),
+        }
     }
 }
 

@@ -2,9 +2,9 @@
 
 use quadlift::Localization;
 use quadlift::cross_validation::{Extent, ObjectCrossValidation};
-use quadlift::geometry::Body;
 use quadlift::scene::Scene;
 use quadlift::solve::{Alternative, Estimate};
+use serde_json::Map;
 
 use super::bodies::coordinates_name;
 use super::object_records::{
@@ -128,9 +128,8 @@ fn object(scene: &Scene, estimate: &Estimate, checked: Option<&ObjectCrossValida
 
 /// Other answers are cuboids: of no other body any are sought.
 fn alternative(other: &Alternative) -> Option<AlternativeRecord> {
-    let Body::Cuboid(cuboid) = &other.body else { return None };
-    let log_odds = other.log_odds;
-    log_odds.is_finite().then(|| AlternativeRecord { cuboid: cuboid.into(), log_odds, ..Default::default() })
+    let Alternative { body, log_odds } = other;
+    log_odds.is_finite().then(|| AlternativeRecord { body: body.into(), log_odds: *log_odds, extra: Map::new() })
 }
 
 #[cfg(test)]
@@ -138,7 +137,7 @@ mod tests {
     use super::*;
     use crate::scene_file::SceneFile;
     use nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
-    use quadlift::geometry::{Cuboid, Cylinder, Ellipsoid, Projection, Superellipsoid};
+    use quadlift::geometry::{Body, Cuboid, Cylinder, Ellipsoid, Projection, Superellipsoid};
     use quadlift::scene::{DetectionInput, SceneBuilder};
     use quadlift::solve::{Covariance, CovarianceCoordinates, Matrix9, Rejection, Status, ViewReport, Warning};
 
@@ -168,7 +167,7 @@ mod tests {
         matrix[(4, 3)] = 0.002;
         Estimate {
             center: Some(Point3::new(1.0, 2.0, 3.0)),
-            body: Some(body),
+            body: Some(body.clone()),
             enclosing_scale: Some(1.25),
             enclosing: None,
             covariance: Some(Covariance { coordinates: CovarianceCoordinates::CenterVechShape, matrix }),
@@ -182,14 +181,7 @@ mod tests {
                 },
             ],
             warnings: vec![Warning::TwoViews],
-            alternatives: vec![Alternative {
-                body: Body::Cuboid(Cuboid {
-                    center: Point3::new(1.0, 2.0, 3.5),
-                    half_extents: Vector3::new(0.5, 0.25, 0.125),
-                    rotation: Rotation3::identity(),
-                }),
-                log_odds: -0.5,
-            }],
+            alternatives: vec![Alternative { body, log_odds: -0.5 }],
             ..Estimate::failed(object_index, Some(0), Status::Ok)
         }
     }
@@ -226,6 +218,9 @@ mod tests {
             assert!(close(&object.ellipsoid.unwrap(), &estimate.ellipsoid().unwrap()));
             assert!(close(&object.enclosing_ellipsoid.unwrap(), &estimate.enclosing_ellipsoid().unwrap()));
         }
+        for (object, record) in objects.iter().zip(&back.objects) {
+            assert_eq!(record.to_alternatives("").unwrap(), [(object.body().unwrap(), -0.5)]);
+        }
         assert_eq!(objects[1].cuboid.unwrap().half_extents, lengths);
         assert_eq!(objects[1].enclosing_cuboid.unwrap().half_extents, lengths * 1.25);
         assert_eq!(objects[2].superellipsoid.unwrap().support_exponent, 1.5);
@@ -238,7 +233,6 @@ mod tests {
         let record = &back.objects[0];
         assert_eq!((record.views_used, record.residual_px), (Some(1), Some(1.5)));
         assert_eq!(record.views_rejected, ["f1"]);
-        assert_eq!((record.alternatives[0].log_odds, record.alternatives[0].cuboid.center), (-0.5, [1.0, 2.0, 3.5]));
         assert_eq!(record.view_residuals_px[1].residual_px, None);
         assert_eq!(record.view_residuals_px[1].rejected_because.as_deref(), Some("residual"));
         assert_eq!(record.warnings, ["only two views: the shape rests on the prior"]);

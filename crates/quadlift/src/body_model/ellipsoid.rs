@@ -7,7 +7,7 @@ use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::rotation::horizontal_basis;
 use crate::optimize::normal_equations::{NormalEquations, Row};
 
-/// An ellipsoid: `A <- B exp(D) B^T` with `A = B B^T`, D symmetric (E5): no singularity at spheres, no order of axes.
+/// An ellipsoid: `A <- B exp(D) B^T` with `A = B B^T`, D symmetric (section 3): no singularity at spheres, no order of axes.
 ///
 /// B is kept as `V diag(a)` with the eigenvectors V of A, so that the matrix logarithm of the prior is diagonal.
 #[derive(Debug, Clone)]

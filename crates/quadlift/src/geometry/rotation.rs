@@ -1,7 +1,6 @@
 //! Rotations: quaternions (w first in files), exponential map, checks.
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, Unit, UnitQuaternion, Vector3};
-use rand::{Rng, RngExt};
 
 /// Iterations after which a singular value decomposition is given up.
 const MOST_SVD_STEPS: usize = 200;
@@ -44,11 +43,9 @@ pub fn rotation_defect(m: &Matrix3<f64>) -> f64 {
     if m.determinant() > 0.0 && defect.is_finite() { defect } else { f64::INFINITY }
 }
 
-/// A rotation drawn uniformly (Shoemake's method).
-pub fn random_rotation(rng: &mut impl Rng) -> Rotation3<f64> {
-    let u: f64 = rng.random_range(0.0..1.0);
-    let angle = |x: f64| x * std::f64::consts::TAU;
-    let (a, b) = (angle(rng.random_range(0.0..1.0)), angle(rng.random_range(0.0..1.0)));
+/// The rotation that belongs to a point of the unit cube: points spread evenly there give rotations spread evenly (Shoemake's method).
+pub(crate) fn rotation_of_cube([u, a, b]: [f64; 3]) -> Rotation3<f64> {
+    let (a, b) = (a * std::f64::consts::TAU, b * std::f64::consts::TAU);
     let (p, q) = ((1.0 - u).sqrt(), u.sqrt());
     let quaternion = Quaternion::new(q * b.cos(), p * a.sin(), p * a.cos(), q * b.sin());
     UnitQuaternion::from_quaternion(quaternion).to_rotation_matrix()

@@ -127,7 +127,7 @@ pub struct LocateOptions {
 }
 
 impl Default for LocateOptions {
-    /// Edges with 5 % (docs/method/constants.md), gravity and height unknown.
+    /// Edges with 5 % (docs/method/constants.csv), gravity and height unknown.
     fn default() -> Self {
         Self { edge_sd: EDGE_SD, gravity: None, height: None }
     }

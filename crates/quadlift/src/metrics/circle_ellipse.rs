@@ -1,4 +1,4 @@
-//! The area shared by a circle and an ellipse, exactly (E7).
+//! The area shared by a circle and an ellipse, exactly (docs/method.md, section 17).
 //!
 //! On the ellipse `(c1 + a cos, c2 + b sin)` the function `g = |p|^2 - radius^2` is
 //! `al + be cos + ga sin + de cos 2 theta`, with at most four zeros; between them the boundary of the common region

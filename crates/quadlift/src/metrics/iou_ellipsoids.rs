@@ -1,4 +1,4 @@
-//! Volume IoU of ellipsoids (O3D of the paper) by exact slice areas (E7).
+//! Volume IoU of ellipsoids (O3D of the paper) by exact slice areas (docs/method.md, section 17).
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 

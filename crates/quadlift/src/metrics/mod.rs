@@ -1,4 +1,4 @@
-//! How good an estimate is, against the truth (E7).
+//! How good an estimate is, against the truth (docs/method.md, section 17).
 //!
 //! [`evaluate`] scores a list of objects, [`pairwise_clustering_scores`] associations of detections; the individual
 //! measures are separate functions. O3D of the paper is [`iou3d_ellipsoids`], its theta_err is [`main_axis_angle`].

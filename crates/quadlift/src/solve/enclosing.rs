@@ -1,5 +1,4 @@
-//! The body that encloses the real object, which fills only part of the tangent body of its boxes (E5, "Tangent or
-//! enclosing").
+//! The body that encloses the real object, which fills only part of the tangent body of its boxes (docs/method.md, section 13).
 //!
 //! A box edge is the plane at which the real object ends. The planes of a real object lie partly inside, partly outside
 //! of the body that fits them best; the enclosing body is one that most of them do not leave. It is found in two ways:

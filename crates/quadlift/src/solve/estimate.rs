@@ -12,8 +12,8 @@ pub type Matrix9 = SMatrix<f64, 9, 9>;
 pub enum Status {
     /// A body was found.
     Ok,
-    /// A body was found, but its measurements contradict each other, or the scene is inconsistent. The body is reported
-    /// for inspection and does not count as localised.
+    /// A body was found, but its measurements contradict each other, more than half of its views contradict it, or the scene
+    /// is inconsistent. The body is reported for inspection and does not count as localised.
     Inconsistent,
     /// The best-fitting quadric is not an ellipsoid; only its centre is reported. Nothing is repaired.
     NotAnEllipsoid,

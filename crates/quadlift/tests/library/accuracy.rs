@@ -141,7 +141,7 @@ fn two_views_give_an_answer_that_says_so() {
     assert!(localization.estimates.iter().all(|e| e.status == Status::TooFewViews));
 }
 
-/// E6: 20 views on an arc, boxes; the covariance must describe the errors that are made. Six scenes of 120 objects.
+/// 20 views on an arc, boxes; the covariance must describe the errors that are made. Six scenes of 120 objects.
 #[test]
 fn uncertainty_is_honest() {
     for (sigma, span) in [(0.02, 10.0), (0.05, 60.0), (0.1, 60.0)] {

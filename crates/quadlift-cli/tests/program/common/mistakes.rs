@@ -137,7 +137,7 @@ pub fn mistakes(right: &Value) -> Vec<Mistake> {
             with_boxes(right, |b| [b[0] * gain + px, b[1] * gain + py, b[2] * gain + px, b[3] * gain + py]),
         ),
         of(
-            "Normalised boxes",
+            "Normalized boxes",
             "YOLO label files contain coordinates from 0 to 1, which `quadlift import yolo` converts; scene files \
              use pixels.",
             "boxes are normalised",
@@ -160,7 +160,7 @@ pub fn mistakes(right: &Value) -> Vec<Mistake> {
             with_intrinsics(right, |k| [0.5 * k[0], 0.5 * k[1], k[2], k[3]]),
         ),
         of(
-            "Normalised intrinsics",
+            "Normalized intrinsics",
             "Some programs divide focal lengths and principal point by the width and height of the image.",
             "intrinsics are normalised",
             "normalized_intrinsics",

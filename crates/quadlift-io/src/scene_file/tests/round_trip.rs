@@ -199,11 +199,20 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
             },
         ))
     };
-    let alternatives = vec((cuboid(), number(), extra()), 0..3).prop_map(|found| {
-        let alternative = |(cuboid, log_odds, extra): (Option<CuboidRecord>, f64, _)| {
-            Some(AlternativeRecord { cuboid: cuboid?, log_odds, extra })
-        };
-        found.into_iter().filter_map(alternative).collect::<Vec<_>>()
+    let body = || {
+        let of_some =
+            |body: Option<BodyRecord>| body.map(Just).unwrap_or(Just(BodyRecord::Ellipsoid(Default::default())));
+        prop_oneof![
+            ellipsoid().prop_map(|body| body.map(BodyRecord::Ellipsoid)),
+            cuboid().prop_map(|body| body.map(BodyRecord::Cuboid)),
+            cylinder().prop_map(|body| body.map(BodyRecord::Cylinder)),
+            superellipsoid().prop_map(|body| body.map(BodyRecord::Superellipsoid)),
+        ]
+        .prop_flat_map(of_some)
+    };
+    let alternatives = vec((body(), number(), extra()), 0..3).prop_map(|found| {
+        let alternative = |(body, log_odds, extra)| AlternativeRecord { body, log_odds, extra };
+        found.into_iter().map(alternative).collect::<Vec<_>>()
     });
     let bodies = (ellipsoid(), ellipsoid(), cuboid(), cuboid(), superellipsoid(), superellipsoid());
     let bodies = (bodies, cylinder(), cylinder());

@@ -5,7 +5,7 @@
 //!
 //! LfD solves in the world frame first and moves the origin to that estimate. Here the first pass already has an
 //! object frame (ours): the origin at the triangulated centre and the mean depth as the unit, so that the result
-//! does not depend on the frame in which the cameras are given. In our measurements (E8 noises, box noise 0.1,
+//! does not depend on the frame in which the cameras are given. In our measurements (the published noises, box noise 0.1,
 //! narrow arcs, 4 to 20 views) units between a third of the object's radius and the depth agree to three digits;
 //! on real boxes, units below the radius are worse, and the depth, which makes the betas about one, is far from that.
 

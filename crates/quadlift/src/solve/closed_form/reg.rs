@@ -68,7 +68,7 @@ pub fn reg(observations: &[(Projection, Ellipse)], options: &RegOptions) -> Resu
 /// Centre and squared radius of the sphere with the centre and the volume of the closed form's quadric.
 ///
 /// The paper's `a = |e1 e2 e3|^(-1/3)` with the eigenvalues `e_i = -det(Q_33)/det(Q) eig(Q_33)` of the scaled primal
-/// quadric (E5 corrects the fraction) is `|det A|^(1/3)`, because those are the eigenvalues of `A^-1`. The modulus
+/// quadric (section 4.5 corrects the fraction) is `|det A|^(1/3)`, because those are the eigenvalues of `A^-1`. The modulus
 /// gives a start even where the quadric is no ellipsoid.
 fn closed_form_sphere(system: &Arrowhead) -> Option<(Point3<f64>, f64)> {
     if system.is_degenerate(PIXEL_ROUNDING) {

@@ -124,7 +124,7 @@ impl NoiseLevels {
     }
 
     /// How the noise of an edge, relative to the half size of its box, depends on that size: detector errors are
-    /// constant in pixels for small boxes and proportional to the size for large ones (E9). One where both parts are
+    /// constant in pixels for small boxes and proportional to the size for large ones (section 5.2). One where both parts are
     /// equal.
     #[inline]
     pub(crate) fn size_factor(&self, half_size: f64) -> f64 {
@@ -149,7 +149,7 @@ impl NoiseLevels {
     }
 
     /// Weight of a residual among those of `views` views: errors that persist from view to view are not better
-    /// determined by many views (E9). `(1 - c) / (1 + c)` is the fraction of independent views in a long sequence with
+    /// determined by many views (section 5.4). `(1 - c) / (1 + c)` is the fraction of independent views in a long sequence with
     /// the correlation c between neighbours.
     pub(crate) fn weights(&self, views: usize) -> Weights {
         Weights(self.correlation.map(|c| ((1.0 - c) / (1.0 + c)).max(1.0 / views.max(1) as f64)))

@@ -64,14 +64,19 @@ pub(crate) fn median_level(misfits: impl Iterator<Item = Misfit>) -> f64 {
         .filter(|misfit| misfit.dof > 0.0)
         .map(|misfit| (misfit.deviations.powi(2) / per_dof(misfit.dof, 0.0), misfit.dof))
         .collect();
-    levels.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let half = 0.5 * levels.iter().map(|(_, dof)| dof).sum::<f64>();
+    weighted_median(&mut levels).map_or(1.0, f64::sqrt)
+}
+
+/// The median of values with weights; `None` without any.
+pub(crate) fn weighted_median(values: &mut [(f64, f64)]) -> Option<f64> {
+    values.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let half = 0.5 * values.iter().map(|(_, weight)| weight).sum::<f64>();
     let mut sum = 0.0;
-    let median = levels.iter().find(|(_, dof)| {
-        sum += dof;
+    let median = values.iter().find(|(_, weight)| {
+        sum += weight;
         sum >= half
     });
-    median.map_or(1.0, |(level, _)| level.sqrt())
+    median.map(|(value, _)| *value)
 }
 
 /// Whether a misfit (relative to the reference) is far beyond the noise.

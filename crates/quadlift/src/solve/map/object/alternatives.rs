@@ -1,4 +1,4 @@
-//! Alternatives: other cuboids that fit the measurements of an object about as well (docs/method.md, section 12.5).
+//! Alternatives: other bodies of the same kind that fit the measurements of an object about as well (docs/method.md, section 12.5).
 //!
 //! Boxes seen over a quarter of a circle or less often fit a cuboid in two orientations, and noise decides which one
 //! fits better. The starts of the first fit are refined again under the final noise levels; other minima that are not
@@ -20,7 +20,6 @@ use crate::solve::estimate::{Alternative, Covariance, CovarianceCoordinates, Est
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::shared::SharedErrors;
-use crate::solve::options::BodyKind;
 
 /// Maximum number of alternatives that are refined and reported.
 const MAX_ALTERNATIVES: usize = 3;
@@ -58,8 +57,8 @@ impl Fit {
         swaps: usize,
         context: &MapContext,
     ) -> Estimate {
-        let Some(body) = estimate.body.filter(|_| self.problem.kind == BodyKind::Cuboid) else { return estimate };
-        let found = self.alternatives(&body, noise, context);
+        let Some(body) = estimate.body.filter(|_| self.problem.has_several_starts()) else { return estimate };
+        let found = self.alternatives(&body, noise);
         if let Some((_, Other { model, equations })) =
             found.first().filter(|(found, _)| found.log_odds > MIN_SWAP_LOG_ODDS && swaps < MAX_SWAPS)
         {
@@ -79,7 +78,7 @@ impl Fit {
     }
 
     /// Other minima that are not much less probable than the fit, the most probable first.
-    fn alternatives(&self, body: &Body, noise: &NoiseLevels, context: &MapContext) -> Vec<(Alternative, Other)> {
+    fn alternatives(&self, body: &Body, noise: &NoiseLevels) -> Vec<(Alternative, Other)> {
         let objective = self.objective(noise, self.outlier_scale);
         let descend = |start: Model, stop| minimise(start, stop, |body| objective.linearise(body), BodyModel::retract);
         let Some((_, best)) = descend(self.body.clone(), POLISH) else { return Vec::new() };
@@ -87,9 +86,7 @@ impl Fit {
         let evidence = |end: &NormalEquations| Some(-0.5 * (end.cost + log_determinant_of(end)?));
         let Some(own) = evidence(&best) else { return Vec::new() };
         let mut found: Vec<(Alternative, Other)> = Vec::new();
-        for (start, screened) in
-            self.problem.screened(&self.ellipsoid, noise, self.outlier_scale, context.seed, TURNED_STARTS)
-        {
+        for (start, screened) in self.problem.screened(&self.ellipsoid, noise, self.outlier_scale, 0, TURNED_STARTS) {
             if found.len() == MAX_ALTERNATIVES || screened.cost > best.cost + MAX_COST_GAP {
                 break;
             }
@@ -161,7 +158,7 @@ fn axes_of(body: &Body) -> (Matrix3<f64>, Vector3<f64>) {
 }
 
 /// The 24 rotations of a cube: which axis of the body gets which name and direction.
-fn symmetries() -> Vec<Matrix3<f64>> {
+pub(crate) fn symmetries() -> Vec<Matrix3<f64>> {
     let signs = [1.0, -1.0];
     let axis = |k: usize, sign: f64| Vector3::from_fn(|i, _| if i == k { sign } else { 0.0 });
     let mut all = Vec::with_capacity(24);

@@ -1,4 +1,4 @@
-//! Uncertainty of a fit in coordinates that can be interpreted (E6).
+//! Uncertainty of a fit in coordinates that can be interpreted (docs/method.md, section 12.1).
 
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::geometry::linalg::cholesky;

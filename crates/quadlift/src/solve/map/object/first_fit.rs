@@ -43,7 +43,7 @@ impl ObjectProblem {
         ellipsoid: &EllipsoidModel,
         noise: &NoiseLevels,
         outlier_scale: Option<f64>,
-        seed: u64,
+        round: usize,
         turned: usize,
     ) -> Option<(Model, NormalEquations)> {
         let objective = self.objective(noise, outlier_scale);
@@ -51,7 +51,7 @@ impl ObjectProblem {
             let body = Model::Ellipsoid(ellipsoid.clone());
             return objective.linearise(&body).map(|equations| (body, equations));
         }
-        best_of(&objective, self.screened(ellipsoid, noise, outlier_scale, seed, turned))
+        best_of(&objective, self.screened(ellipsoid, noise, outlier_scale, round, turned))
     }
 
     /// The starts of the first fit after a few steps, with the objective there, the best first; none where a body has only
@@ -61,7 +61,7 @@ impl ObjectProblem {
         ellipsoid: &EllipsoidModel,
         noise: &NoiseLevels,
         outlier_scale: Option<f64>,
-        seed: u64,
+        round: usize,
         turned: usize,
     ) -> Vec<(Model, NormalEquations)> {
         let objective = self.objective(noise, outlier_scale);
@@ -73,7 +73,7 @@ impl ObjectProblem {
         };
         let centers = centers_from_size(&self.views, &self.measurements.frame, &self.prior);
         let mut starts = oriented_from_cues(&self.views.views, &self.measurements.frame, ellipsoid, form);
-        starts.extend(oriented_starts(ellipsoid, form, &self.prior, &centers, seed));
+        starts.extend(oriented_starts(ellipsoid, form, &self.prior, &centers, round));
         // Where the size of the category is known few starts differ in more than their place.
         let turned = if self.prior.log_size.is_some() { ALL } else { turned };
         descended(&objective, starts, turned)

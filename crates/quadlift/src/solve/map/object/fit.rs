@@ -79,8 +79,7 @@ impl Fit {
         let failed =
             Box::new(Estimate::failed(object.views.object_index, object.views.category_index, Status::Diverged));
         let ellipsoid = object.fit_ellipsoid(noise).ok_or_else(|| failed.clone())?;
-        let (body, equations) =
-            object.started_at(&ellipsoid, noise, None, context.seed, TURNED_STARTS).ok_or(failed)?;
+        let (body, equations) = object.started_at(&ellipsoid, noise, None, 0, TURNED_STARTS).ok_or(failed)?;
         let fit = Self {
             problem: Arc::new(object),
             ellipsoid,
@@ -208,8 +207,7 @@ impl Fit {
         let problem = &self.problem;
         let objective = Objective { smooth: true, ..problem.objective(noise, None) };
         let ellipsoid = fit_without_outliers(&objective, &self.body, &problem.views.views, context.seed)?;
-        let (body, equations) =
-            problem.started_at(&ellipsoid, noise, Some(OUTLIER_SCALE), context.seed, TURNED_STARTS)?;
+        let (body, equations) = problem.started_at(&ellipsoid, noise, Some(OUTLIER_SCALE), 0, TURNED_STARTS)?;
         Some(Self {
             problem: problem.clone(),
             ellipsoid,
@@ -223,13 +221,13 @@ impl Fit {
 
     /// The better one of the fit and another from the first starts, for noise levels that are far from those of the
     /// first fit: where the measurements determine little, its valley need not be the right one.
-    pub(crate) fn restarted(self, noise: &NoiseLevels, context: &MapContext) -> Self {
+    pub(crate) fn restarted(self, noise: &NoiseLevels) -> Self {
         if self.outlier_scale.is_some() {
             return self;
         }
         let again = || {
             let ellipsoid = self.problem.fit_ellipsoid(noise)?;
-            let (body, _) = self.problem.started_at(&ellipsoid, noise, None, context.seed, TURNED_STARTS)?;
+            let (body, _) = self.problem.started_at(&ellipsoid, noise, None, 0, TURNED_STARTS)?;
             let objective = self.objective(noise, None);
             let (body, equations) = minimise(body, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
             (equations.cost < self.equations.cost).then(|| Self { ellipsoid, body, equations, ..self.clone() })
@@ -242,11 +240,9 @@ impl Fit {
     pub(crate) fn retry_starts_and_outliers(&self, noise: &NoiseLevels, round: usize, context: &MapContext) -> Self {
         let mut fit = self.refined(noise, false);
         if self.problem.has_several_starts() {
-            // Other random rotations than before.
-            let seed = context.seed.wrapping_add(1 + round as u64);
             let before = fit.clone();
             let again = |scale| {
-                let (body, _) = before.problem.started_at(&self.ellipsoid, noise, scale, seed, ALL)?;
+                let (body, _) = before.problem.started_at(&self.ellipsoid, noise, scale, 1 + round, ALL)?;
                 let objective = before.objective(noise, scale);
                 minimise(body, BETWEEN_ROUNDS, |body| objective.linearise(body), BodyModel::retract)
             };
@@ -291,7 +287,7 @@ impl Fit {
         let stop = if last { POLISH } else { BETWEEN_ROUNDS };
         let fit = self.looked_at(noise);
         let plain = fit.objective(noise, None);
-        let scale = self.outlier_scale.map(|_| outlier_scale(plain.view_costs(&self.body)));
+        let scale = self.outlier_scale.map(|_| outlier_scale(plain.view_costs(&self.body), noise));
         let objective = Objective { outlier_scale: scale, ..plain };
         match minimum(self.body.clone(), stop, |body| objective.linearise(body), BodyModel::retract) {
             Some(Minimum { state: body, equations, end }) => {
@@ -474,7 +470,9 @@ impl Fit {
             estimate.warnings.push(Warning::NotConverged);
         }
         estimate.misfit = self.misfit(noise).map(|misfit| reference.against(misfit));
-        if estimate.misfit.as_ref().is_some_and(is_inconsistent) {
+        // A body that most of its views contradict is not that of the object that they show.
+        let rests_on_few = 2 * estimate.views_used() < estimate.views.len();
+        if rests_on_few || estimate.misfit.as_ref().is_some_and(is_inconsistent) {
             estimate.status = Status::Inconsistent;
         }
         self.with_alternatives(estimate, noise, reference, shared, swaps, context)

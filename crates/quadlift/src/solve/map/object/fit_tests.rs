@@ -14,7 +14,7 @@ use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::observer::{Unobserved, Watch};
 use crate::optimize::normal_equations::NormalEquations;
 use crate::scene::ObjectViews;
-use crate::solve::estimate::Status;
+use crate::solve::estimate::{Estimate, Status};
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::shared::SharedErrors;
@@ -121,18 +121,32 @@ fn the_prior_pulls_cameras_back_where_the_objects_tell_nothing() {
     });
 }
 
+/// The estimate of a fit alone in its scene.
+fn estimate(fit: &Fit, noise: &NoiseLevels, context: &MapContext) -> Estimate {
+    let reference = Reference::among(noise, std::iter::empty(), context.options);
+    let shared = SharedErrors { scales: &CueScales::default(), poses: &PoseCorrections::default() };
+    fit.estimate(noise, reference, shared, context)
+}
+
+#[test]
+fn an_object_that_less_than_half_of_its_views_show_is_inconsistent() {
+    ball(|fit, noise, context| {
+        let mut costs = fit.objective(noise, None).view_costs(&fit.body);
+        costs.sort_by(f64::total_cmp);
+        for (used, status) in [(2, Status::Inconsistent), (3, Status::Ok)] {
+            // A scale between the views that are used and the next one.
+            let scale = (0.5 * (costs[used - 1] + costs[used])).sqrt();
+            let found = estimate(&Fit { outlier_scale: Some(scale), ..fit.clone() }, noise, context);
+            assert_eq!((found.views_used(), found.status), (used, status));
+        }
+    });
+}
+
 #[test]
 fn bodies_that_have_run_away_have_diverged() {
     ball(|fit, noise, context| {
-        let ends = |body: Model, equations: NormalEquations| {
-            let fit = Fit { body, equations, ..fit.clone() };
-            fit.estimate(
-                noise,
-                Reference::among(noise, std::iter::empty(), context.options),
-                SharedErrors { scales: &CueScales::default(), poses: &PoseCorrections::default() },
-                context,
-            )
-        };
+        let ends =
+            |body: Model, equations: NormalEquations| estimate(&Fit { body, equations, ..fit.clone() }, noise, context);
         assert_eq!(ends(fit.body.clone(), fit.equations).status, Status::Ok);
         // Behind the cameras, a point, nowhere.
         let away = *fit.body.center() - fit.problem.measurements.views[0].axis * 1e4;

@@ -3,6 +3,7 @@
 
 pub(crate) mod agreement;
 pub(crate) mod alternatives;
+pub(crate) mod consensus;
 pub(crate) mod covariance;
 mod cue_starts;
 #[cfg(test)]
@@ -26,4 +27,5 @@ mod scale_terms;
 #[cfg(test)]
 mod scale_tests;
 pub(crate) mod size_site;
+pub(crate) mod spread_rotations;
 pub(crate) mod starts;

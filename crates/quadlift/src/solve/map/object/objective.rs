@@ -1,6 +1,7 @@
 //! The objective: whitened residuals of all views, a robust loss in case of outliers, and priors (docs/method.md,
 //! section 5).
 
+use super::consensus::Consensus;
 use super::prior::ObjectPrior;
 use crate::body_model::BodyModel;
 use crate::geometry::linalg::invert_spd;
@@ -29,16 +30,15 @@ pub(crate) fn usual_cost(sum: f64, residuals: usize) -> f64 {
     chi_square::as_of(sum, residuals, USUAL_RESIDUALS)
 }
 
-/// The outlier scale of an object whose views have these sums of squares ([`Objective::view_costs`]): larger where half of
-/// the views agree less well than the noise of the scene lets expect, because then that noise is not the object's.
-pub(crate) fn outlier_scale(mut view_costs: Vec<f64>) -> f64 {
-    view_costs.sort_by(f64::total_cmp);
-    let median = view_costs.get(view_costs.len() / 2).copied().unwrap_or(0.0);
-    OUTLIER_SCALE * (median / CHI2_MEDIAN).sqrt().clamp(1.0, 10.0)
+/// The outlier scale of an object whose views have these sums of squares ([`Objective::view_costs`]): larger where the views
+/// that agree do so less well than the noise of the scene lets expect, because then that noise is not the object's. Few views
+/// do not tell.
+pub(crate) fn outlier_scale(view_costs: Vec<f64>, noise: &NoiseLevels) -> f64 {
+    if view_costs.len() < FEWEST_VIEWS {
+        return OUTLIER_SCALE;
+    }
+    OUTLIER_SCALE * Consensus::of(view_costs, noise).variance.sqrt().clamp(1.0, 10.0)
 }
-
-/// Median of the chi-square distribution with four degrees of freedom: a view of four edges.
-pub(crate) const CHI2_MEDIAN: f64 = 3.357;
 
 /// Minimum number of views to detect an outlier.
 pub(crate) const FEWEST_VIEWS: usize = 5;
@@ -180,6 +180,18 @@ impl Objective<'_> {
             .map(|view| {
                 view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
                 usual_cost(rows.iter().map(|row| row.residual * row.residual).sum(), rows.len())
+            })
+            .collect()
+    }
+
+    /// Twice the negative log likelihood of each view's residuals at a body, up to constants, and their number.
+    pub(crate) fn costs_and_residuals(&self, body: &impl BodyModel) -> Vec<(f64, usize)> {
+        let mut rows = Vec::with_capacity(16);
+        (0..self.measurements.views.len())
+            .map(|view| {
+                view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
+                let (edges, others) = self.view_cost(&rows);
+                (edges + others, rows.len())
             })
             .collect()
     }

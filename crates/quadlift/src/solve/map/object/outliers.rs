@@ -4,7 +4,8 @@ use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::objective::{CHI2_MEDIAN, FEWEST_VIEWS, OUTLIER_SCALE, Objective, usual_cost};
+use super::consensus::Consensus;
+use super::objective::{FEWEST_VIEWS, OUTLIER_SCALE, Objective, usual_cost};
 use super::starts::{ellipsoid_from_quadric, unit_sphere};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
@@ -45,11 +46,11 @@ fn largest_to_median(view_costs: &[f64]) -> f64 {
     sorted[sorted.len() - 1] / sorted[sorted.len() / 2].max(SMALLEST_MEDIAN)
 }
 
-/// Searches for gross outliers after a plain fit to all views; returns a fit that agrees with most views if there are
-/// some.
+/// Searches for gross outliers after a plain fit to all views; returns the fit that the largest number of views agree with
+/// best if there are some.
 ///
 /// A plain fit hides outliers, because it follows them. It is suspect when its residuals are uneven, and wrong when a
-/// fit to only three views agrees with most of the views better than it does.
+/// fit to only three views explains the views better than it does, with all the others as wrong boxes ([`Consensus`]).
 pub(crate) fn fit_without_outliers(
     objective: &Objective,
     plain: &impl BodyModel,
@@ -61,36 +62,30 @@ pub(crate) fn fit_without_outliers(
     }
     // Hypotheses are judged by tangent planes, ellipses too: many of them are tried, and planes are quick.
     let tangents = objective.measurements.with_ellipses_as_planes(views);
-    let mut costs = plane_costs(&tangents, plain, objective.noise);
-    let ratio = largest_to_median(&costs);
-    // With h of the views consistent, the h-th smallest residual is the figure of merit (least median of squares).
-    let count = costs.len();
-    let rank = (count / 2 + 2).min(count) - 1;
-    costs.sort_by(f64::total_cmp);
+    let costs = plane_costs(&tangents, plain, objective.noise);
+    let (count, ratio) = (costs.len(), largest_to_median(&costs));
+    let of_plain = Consensus::of(costs, objective.noise);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let order = order_of_cameras(&tangents);
     let mut hypotheses = Vec::with_capacity(2 * HYPOTHESES);
-    let mut draw = |number: usize, hypotheses: &mut Vec<(f64, EllipsoidModel)>| {
+    let mut draw = |number: usize, hypotheses: &mut Vec<(Consensus, EllipsoidModel)>| {
         for _ in 0..number {
             let triple = draw_three(count, &mut rng).map(|k| order[k]);
             for body in hypothesis(&tangents, &triple).into_iter().flatten() {
-                let mut costs = plane_costs(&tangents, &body, objective.noise);
-                costs.sort_by(f64::total_cmp);
-                hypotheses.push((costs[rank], body));
+                let costs = plane_costs(&tangents, &body, objective.noise);
+                hypotheses.push((Consensus::of(costs, objective.noise), body));
             }
         }
-        hypotheses.retain(|(cost, _)| cost.is_finite());
-        hypotheses.sort_by(|a, b| a.0.total_cmp(&b.0));
+        hypotheses.retain(|(consensus, _)| consensus.score.is_finite());
+        hypotheses.sort_by(|a, b| a.0.order(&b.0));
         hypotheses.truncate(REFINED);
     };
     draw(FIRST_HYPOTHESES, &mut hypotheses);
-    if ratio < OUTLIER && hypotheses.first().is_none_or(|(cost, _)| *cost >= costs[rank]) {
+    if ratio < OUTLIER && hypotheses.first().is_none_or(|(consensus, _)| of_plain.order(consensus).is_le()) {
         return None;
     }
     draw(HYPOTHESES - FIRST_HYPOTHESES, &mut hypotheses);
-    // The usual small-sample factor of the least median of squares.
-    let factor = (hypotheses.first()?.0 / CHI2_MEDIAN).sqrt() * (1.0 + 5.0 / (count as f64 - 3.0));
-    let noise = objective.noise.scaled(factor.clamp(0.01, 10.0));
+    let noise = objective.noise.scaled(hypotheses.first()?.0.variance.sqrt().clamp(0.01, 10.0));
     let distrustful = Objective { noise: &noise, outlier_scale: Some(OUTLIER_SCALE), ..*objective };
     let stop = Stop { evaluations: 30, promised_decrease: 1e-3 };
     hypotheses

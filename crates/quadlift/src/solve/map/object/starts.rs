@@ -1,16 +1,15 @@
 //! Where the refinement starts: one sphere, the linear solution, and for oriented bodies several rotations.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 
 use super::prior::ObjectPrior;
+use super::spread_rotations::spread_rotations;
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::body_model::oriented::{Form, OrientedModel};
+use crate::geometry::DualQuadric;
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::rotation::horizontal_basis;
-use crate::geometry::{DualQuadric, random_rotation};
 use crate::scene::{BORDER_TOLERANCE_PX, ObjectViews, View, edges_at_border};
 use crate::solve::conditioning::ObjectFrame;
 
@@ -19,9 +18,6 @@ const MIN_START_AXIS_RATIO: f64 = 0.2;
 
 /// A start farther than this (object sizes) from the triangulated centre is rejected.
 const FARTHEST_START: f64 = 20.0;
-
-/// Random rotations from which an oriented body starts, besides the ellipsoid's axes.
-const RANDOM_ROTATIONS: usize = 16;
 
 /// Directions about the vertical from which a body of unknown size that stands starts, over a quarter of a circle.
 const YAW_STARTS: usize = 4;
@@ -49,14 +45,14 @@ pub(crate) fn ellipsoid_from_quadric(quadric: &DualQuadric) -> Option<EllipsoidM
 /// Starts of a body of a form, from a fitted ellipsoid.
 ///
 /// With a category size they are upright boxes of that size in four directions at `centers`; otherwise the ellipsoid's
-/// own axes, those turned by 45 degrees ([`turned_axes`]) and random rotations (upright ones where `up` is known and asked
+/// own axes, those turned by 45 degrees ([`turned_axes`]) and rotations spread evenly (upright ones where `up` is known and asked
 /// for).
 pub(crate) fn oriented_starts(
     ellipsoid: &EllipsoidModel,
     form: Form,
     prior: &ObjectPrior,
     centers: &[Vector3<f64>],
-    seed: u64,
+    round: usize,
 ) -> Vec<OrientedModel> {
     let semi_axes = ellipsoid.semi_axes() * form.relative_size();
     let upright = prior.up.filter(|_| prior.upright_weight > 0.0);
@@ -87,7 +83,7 @@ pub(crate) fn oriented_starts(
         (None, Some(size)) => {
             let sizes = Vector3::from(size.map(|(mean, _)| mean.exp()));
             let own = right_handed(*ellipsoid.axes());
-            for rotation in std::iter::once(own).chain(random_rotations(seed)) {
+            for rotation in std::iter::once(own).chain(spread_rotations(round)) {
                 starts.push(OrientedModel::new(*ellipsoid.center(), rotation, sizes, form));
             }
         }
@@ -97,7 +93,7 @@ pub(crate) fn oriented_starts(
                 let semi_axes = semi_axes * form.relative_size();
                 starts.push(OrientedModel::new(*ellipsoid.center(), axes, semi_axes, form));
             }
-            for rotation in random_rotations(seed) {
+            for rotation in spread_rotations(round) {
                 starts.push(OrientedModel::new(*ellipsoid.center(), rotation, mean, form));
             }
         }
@@ -193,11 +189,6 @@ fn upright_axes(up: &Vector3<f64>) -> [Matrix3<f64>; 4] {
     })
 }
 
-fn random_rotations(seed: u64) -> impl Iterator<Item = Matrix3<f64>> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    (0..RANDOM_ROTATIONS).map(move |_| *random_rotation(&mut rng).matrix())
-}
-
 fn right_handed(mut axes: Matrix3<f64>) -> Matrix3<f64> {
     if axes.determinant() < 0.0 {
         axes.column_mut(1).neg_mut();
@@ -206,7 +197,7 @@ fn right_handed(mut axes: Matrix3<f64>) -> Matrix3<f64> {
 }
 
 /// Centres to start from where the category's size is known: on the ray of the tallest box that is not cut off, at the
-/// depth that its height suggests, times .85, 1 and 1.2 (E9). In the object's frame.
+/// depth that its height suggests, times .85, 1 and 1.2 (section 6.2). In the object's frame.
 pub(crate) fn centers_from_size(views: &ObjectViews, frame: &ObjectFrame, prior: &ObjectPrior) -> Vec<Vector3<f64>> {
     let Some([_, _, (log_half_height, _)]) = prior.log_size else { return Vec::new() };
     let whole = |view: &&View| {

@@ -3,6 +3,8 @@
 //! The evidence of each kind by Laplace's approximation: the fit to the boxes, minus a penalty for the degrees of
 //! freedom of the body.
 
+#[cfg(test)]
+use nalgebra::Matrix3;
 use nalgebra::{SVector, Vector3};
 
 use crate::body_model::BodyModel;
@@ -13,8 +15,9 @@ use crate::optimize::normal_equations::{NormalEquations, PARAMETERS};
 use crate::scene::Cues;
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
+use crate::solve::map::object::consensus::{WRONG_SHARE, log_wrong_edge};
 use crate::solve::map::object::covariance::{log_determinant_of, regularised};
-use crate::solve::map::object::first_fit::{TURNED_STARTS, best_of, descended};
+use crate::solve::map::object::first_fit::{ALL, best_of, descended};
 use crate::solve::map::object::fit::Fit;
 use crate::solve::map::object::model::Model;
 use crate::solve::map::object::objective::Objective;
@@ -33,9 +36,6 @@ pub(crate) const CYLINDER: usize = KINDS - 1;
 
 /// The kind that is tested first against the ellipsoid: it also fits the boxes of any body with edges better.
 pub(crate) const TRIED: usize = 2;
-
-/// Starts of a superellipsoid that are turned.
-const TURNED: usize = 2;
 
 /// A cylinder has eight ways to name its axes where a cuboid has 24: twice the logarithm of the ratio.
 const LOG_AXES_OF_CYLINDER: f64 = 2.197_224_577_336_219_6;
@@ -67,16 +67,48 @@ fn form_of(index: usize) -> Form {
     }
 }
 
-/// Evidence of the boxes of an object about its kind.
+/// Logarithms of the variances over which the noise of an object is integrated, relative to that of the scene.
+const LOG_VARIANCES: [f64; 2] = [-4.0, 12.0];
+const LOG_VARIANCE_STEP: f64 = 0.25;
+
+/// Rounds in which the variance of a kind and the views that are wrong are adjusted to each other.
+const VARIANCE_ROUNDS: usize = 20;
+
+/// Smallest variance, in that of the noise: exact data.
+const SMALLEST_VARIANCE: f64 = 1e-8;
+
+/// How the views of an object agree with the best body of a kind.
+#[derive(Debug, Clone)]
+pub(crate) struct KindFit {
+    /// For each view twice the negative log likelihood of its residuals, and their number.
+    pub(crate) views: Vec<(f64, usize)>,
+    /// What the freedom of the body and the priors do: the logarithm of the determinant of the normal equations and the
+    /// cost of the priors.
+    pub(crate) freedom: f64,
+    cost: f64,
+    body: Model,
+}
+
+#[cfg(test)]
+impl KindFit {
+    /// Views that agree so well with a body of unit size.
+    pub(crate) fn of_views(views: Vec<(f64, usize)>, freedom: f64) -> Self {
+        let body =
+            Model::Ellipsoid(EllipsoidModel::from_axes(Vector3::zeros(), Matrix3::identity(), Vector3::repeat(1.0)));
+        Self { views, freedom, cost: 0.0, body }
+    }
+}
+
+/// Evidence of the boxes of an object about its kind. All kinds are judged by all views: each view is one of the object or,
+/// with a small probability, a wrong box that may be anywhere.
 #[derive(Debug, Clone)]
 pub(crate) struct BodyEvidence {
     /// The category of the object.
     pub(crate) category: Option<usize>,
-    /// Number of edges less that of the parameters; positive.
-    pub(crate) dof: f64,
-    /// For each kind what the measurements cost with the best fit, and what the freedom of the body and the priors do: the
-    /// logarithm of the determinant of the normal equations and the cost of the priors. `None` where it was not tried.
-    pub(crate) fits: [Option<(f64, f64)>; KINDS],
+    /// Logarithm of the density of an edge of a wrong box, over that of an edge of the object at its most probable place.
+    pub(crate) log_wrong: f64,
+    /// The fit of each kind; `None` where it was not tried.
+    pub(crate) fits: [Option<KindFit>; KINDS],
     /// For each kind the correlation of an edge's residuals in views that follow each other, times the number of pairs, and
     /// that number.
     pub(crate) neighbours: [[f64; 2]; KINDS],
@@ -92,16 +124,15 @@ impl BodyEvidence {
             return None;
         }
         let search = BodySearch::new(fit, noise, context)?;
-        let object = &search.object;
-        let dof = object.measurements.edges.len() as f64 - PARAMETERS as f64;
-        if dof <= 0.0 {
+        if search.object.measurements.edges.len() <= PARAMETERS {
             return None;
         }
-        let (fits, neighbours) = ([None; KINDS], [[0.0; 2]; KINDS]);
-        let mut evidence = Self { category: views.category_index, dof, fits, neighbours };
+        let log_wrong = log_wrong_edge(noise);
+        let (fits, neighbours) = (std::array::from_fn(|_| None), [[0.0; 2]; KINDS]);
+        let mut evidence = Self { category: views.category_index, log_wrong, fits, neighbours };
         let round = search.starts(Form::Exponent(2.0)).into_iter().take(1).collect();
         evidence.take(ELLIPSOID, &search, round, 1);
-        evidence.fits[ELLIPSOID]?;
+        evidence.fits[ELLIPSOID].as_ref()?;
         evidence.take(TRIED, &search, search.starts(form_of(TRIED)), 1);
         Some(evidence)
     }
@@ -109,51 +140,118 @@ impl BodyEvidence {
     /// The same with that of all other kinds.
     pub(crate) fn with_others(mut self, fit: &Fit, noise: &NoiseLevels, context: &MapContext) -> Self {
         let Some(search) = BodySearch::new(fit, noise, context) else { return self };
-        for kind in 1..CUBOID {
-            self.take(kind, &search, search.starts(form_of(kind)), TURNED);
+        let any_way = oriented_starts(search.ellipsoid, Form::Cuboid, &search.object.prior, &[], 0);
+        self.take(CUBOID, &search, any_way, ALL);
+        // Bodies that are about as angular have about the same place, size and directions.
+        for kind in (1..CUBOID).rev() {
+            let mut starts = search.starts(form_of(kind));
+            starts.extend(self.like(kind + 1, form_of(kind)));
+            self.take(kind, &search, starts, ALL);
         }
-        let object = &search.object;
-        let any_way = oriented_starts(search.ellipsoid, Form::Cuboid, &object.prior, &[], context.seed);
-        self.take(CUBOID, &search, any_way, TURNED_STARTS);
-        let lying = search.starts(Form::Cylinder).iter().flat_map(along_each_axis).collect();
-        self.take(CYLINDER, &search, lying, TURNED_STARTS);
+        for kind in 2..=CUBOID {
+            self.take(kind, &search, self.like(kind - 1, form_of(kind)).into_iter().collect(), 1);
+        }
+        let lying = search.starts(Form::Cylinder).into_iter().chain(self.like(CUBOID, Form::Cylinder));
+        self.take(CYLINDER, &search, lying.flat_map(|start| along_each_axis(&start)).collect(), ALL);
         self
     }
 
-    /// The evidence of a kind, from these starts, of which so many are turned. Nothing where none can be evaluated.
+    /// The fitted body of a kind as a start of another one.
+    fn like(&self, kind: usize, form: Form) -> Option<OrientedModel> {
+        let body = &self.fits[kind].as_ref()?.body;
+        let sizes = body.semi_axes() * (form.relative_size() / form_of(kind).relative_size());
+        Some(OrientedModel::new(*body.center(), *body.axes(), sizes, form))
+    }
+
+    /// The evidence of a kind, from these starts, of which so many are turned, if they lead to a better fit than there was.
     fn take(&mut self, kind: usize, search: &BodySearch, starts: Vec<OrientedModel>, turned: usize) {
         let objective = search.objective();
         let found = best_of(&objective, descended(&objective, starts, turned));
         let Some((body, equations)) = found else { return };
-        let Some(mut dof) = log_determinant_of(&equations) else { return };
-        let priors = objective.cost_of_priors(&body);
-        dof += priors;
+        if self.fits[kind].as_ref().is_some_and(|fit| fit.cost <= equations.cost) {
+            return;
+        }
+        let Some(mut freedom) = log_determinant_of(&equations) else { return };
+        freedom += objective.cost_of_priors(&body);
         if kind == CYLINDER {
-            dof += LOG_AXES_OF_CYLINDER + elongation(&body, &equations);
+            freedom += LOG_AXES_OF_CYLINDER + elongation(&body, &equations);
         }
         self.neighbours[kind] = objective.statistics(&body, &equations, search.correlated_views).neighbours_of_edges();
-        self.fits[kind] = Some((equations.cost - priors, dof));
+        let views = objective.costs_and_residuals(&body);
+        self.fits[kind] = Some(KindFit { views, freedom, cost: equations.cost, body });
     }
 
     /// Logarithms of the evidences over that of an ellipsoid, minus infinity for kinds that were not tried. The noise of an object is
     /// about that of the scene: its variance has an inverse gamma distribution around `variance`. Only this share of the residuals counts.
     pub(crate) fn log_odds(&self, variance: f64, independent: f64) -> [f64; KINDS] {
-        let known = DOF_OF_SCENE * variance;
-        let log =
-            |(cost, dof): (f64, f64)| -0.5 * (independent * (self.dof + DOF_OF_SCENE) * (cost + known).ln() + dof);
-        let ellipsoid = self.fits[ELLIPSOID].map_or(0.0, log);
-        self.fits.map(|fit| fit.map_or(f64::NEG_INFINITY, |fit| log(fit) - ellipsoid))
+        let log = |fit: &KindFit| self.log_evidence(fit, variance, independent);
+        let ellipsoid = self.fits[ELLIPSOID].as_ref().map_or(0.0, log);
+        std::array::from_fn(|k| self.fits[k].as_ref().map_or(f64::NEG_INFINITY, |fit| log(fit) - ellipsoid))
     }
 
-    /// The kind with the largest evidence by itself.
-    pub(crate) fn best(&self) -> usize {
-        let score = |k: usize| self.fits[k].map_or(f64::INFINITY, |(cost, dof)| self.dof * cost.ln() + dof);
-        (0..KINDS).min_by(|&a, &b| score(a).total_cmp(&score(b))).unwrap_or(ELLIPSOID)
+    /// The evidence with the noise of the object integrated out, up to a constant.
+    fn log_evidence(&self, fit: &KindFit, variance: f64, independent: f64) -> f64 {
+        let [first, last] = LOG_VARIANCES;
+        let count = ((last - first) / LOG_VARIANCE_STEP) as usize;
+        let logs: Vec<f64> = (0..=count)
+            .map(|k| {
+                let log = first + LOG_VARIANCE_STEP * k as f64;
+                let prior = -0.5 * DOF_OF_SCENE * (log + (-log).exp());
+                prior + independent * self.log_likelihood(fit, variance * log.exp())
+            })
+            .collect();
+        let largest = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        largest + logs.iter().map(|log| (log - largest).exp()).sum::<f64>().ln() - 0.5 * fit.freedom
     }
 
-    /// The smallest cost of all kinds.
-    pub(crate) fn best_cost(&self) -> f64 {
-        self.fits.iter().flatten().map(|(cost, _)| *cost).fold(f64::INFINITY, f64::min)
+    /// Of the views, where residuals have this variance, with the parameters of the body integrated out.
+    fn log_likelihood(&self, fit: &KindFit, variance: f64) -> f64 {
+        let of_views = fit.views.iter().map(|view| {
+            let [right, wrong] = self.log_densities(*view, variance);
+            right.max(wrong) + (-(right - wrong).abs()).exp().ln_1p()
+        });
+        of_views.sum::<f64>() + 0.5 * PARAMETERS as f64 * variance.ln()
+    }
+
+    /// Logarithms of the densities of a view that shows the object and of one that does not, each with its probability.
+    fn log_densities(&self, (cost, residuals): (f64, usize), variance: f64) -> [f64; 2] {
+        let residuals = residuals as f64;
+        let right = (1.0 - WRONG_SHARE).ln() - 0.5 * (residuals * variance.ln() + cost / variance);
+        [right, WRONG_SHARE.ln() + residuals * self.log_wrong]
+    }
+
+    /// The variance of the residuals of the views that show the object, for a kind, and their degrees of freedom.
+    fn variance_of(&self, fit: &KindFit) -> (f64, f64) {
+        let (mut variance, mut dof) = (1.0, 0.0);
+        for _ in 0..VARIANCE_ROUNDS {
+            let (mut cost, mut residuals) = (0.0, 0.0);
+            for view in &fit.views {
+                let [right, wrong] = self.log_densities(*view, variance);
+                let shows = 1.0 / (1.0 + (wrong - right).exp());
+                cost += shows * view.0;
+                residuals += shows * view.1 as f64;
+            }
+            dof = (residuals - PARAMETERS as f64).max(0.0);
+            if dof < 1.0 {
+                break;
+            }
+            variance = (cost / dof).max(SMALLEST_VARIANCE);
+        }
+        (variance, dof)
+    }
+
+    /// The kind with the largest evidence by itself, with the variance of its residuals and their degrees of freedom.
+    pub(crate) fn best(&self) -> (usize, f64, f64) {
+        let mut best = (f64::NEG_INFINITY, (ELLIPSOID, 1.0, 0.0));
+        for (kind, fit) in self.fits.iter().enumerate() {
+            let Some(fit) = fit else { continue };
+            let (variance, dof) = self.variance_of(fit);
+            let score = self.log_likelihood(fit, variance) - 0.5 * fit.freedom;
+            if score > best.0 {
+                best = (score, (kind, variance, dof));
+            }
+        }
+        best.1
     }
 }
 
@@ -209,9 +307,53 @@ impl<'a> BodySearch<'a> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Matrix3;
-
     use super::*;
+
+    /// An object seen in views of these costs as an ellipsoid and as a cuboid.
+    fn seen(ellipsoid: &[f64], cuboid: &[f64]) -> BodyEvidence {
+        let fit = |costs: &[f64]| Some(KindFit::of_views(costs.iter().map(|cost| (*cost, 4)).collect(), 10.0));
+        let mut fits = std::array::from_fn(|_| None);
+        (fits[ELLIPSOID], fits[CUBOID]) = (fit(ellipsoid), fit(cuboid));
+        BodyEvidence { category: None, log_wrong: -4.0, fits, neighbours: [[0.0; 2]; KINDS] }
+    }
+
+    /// A kind that gives up views that another one explains is the less probable one, however well it fits the rest.
+    #[test]
+    fn views_that_a_kind_rejects_count_against_it() {
+        let mut ellipsoid = [0.01; 20];
+        let mut cuboid = [1e-4; 20];
+        ellipsoid[18..].fill(900.0);
+        cuboid[14..].fill(400.0);
+        let evidence = seen(&ellipsoid, &cuboid);
+        let odds = |variance| evidence.log_odds(variance, 1.0)[CUBOID];
+        assert!(odds(0.01 / 4.0) < -20.0, "{}", odds(0.01 / 4.0));
+        // With the same views rejected the better fit wins.
+        cuboid[14..18].fill(1e-4);
+        let evidence = seen(&ellipsoid, &cuboid);
+        assert!(evidence.log_odds(1e-4, 1.0)[CUBOID] > 20.0);
+        assert_eq!(evidence.best().0, CUBOID);
+    }
+
+    #[test]
+    fn the_noise_of_an_object_is_that_of_the_views_that_show_it() {
+        let mut costs = [2.0; 12];
+        costs[9..].fill(5000.0);
+        let evidence = seen(&costs, &costs);
+        let (_, variance, dof) = evidence.best();
+        assert!((dof - (36.0 - 9.0)).abs() < 1e-6 && (variance - 18.0 / 27.0).abs() < 1e-6, "{variance} {dof}");
+    }
+
+    /// Without wrong boxes the integral has a closed form: `-(N - 9 + 8) / 2 ln(C + 8 v)` of `N` residuals.
+    #[test]
+    fn the_sum_over_variances_is_the_integral() {
+        for (ellipsoid, cuboid, variance) in [(1.0, 0.5, 0.3), (3.0, 3.5, 1.0), (0.5, 0.01, 0.1)] {
+            let mut evidence = seen(&[ellipsoid; 10], &[cuboid; 10]);
+            evidence.log_wrong = -100.0;
+            let expected = -19.5 * f64::ln((10.0 * cuboid + 8.0 * variance) / (10.0 * ellipsoid + 8.0 * variance));
+            let found = evidence.log_odds(variance, 1.0)[CUBOID];
+            assert!((found - expected).abs() < 0.02, "{found} {expected}");
+        }
+    }
 
     /// A cylinder whose radii differ by a factor, and measurements that tell every parameter with this deviation.
     fn of_radii(factor: f64, sd: f64) -> f64 {

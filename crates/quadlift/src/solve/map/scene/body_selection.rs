@@ -8,9 +8,11 @@
 use std::collections::BTreeMap;
 
 use super::body_evidence::{BodyEvidence, CUBOID, CYLINDER, ELLIPSOID, EXPONENTS, KINDS, TRIED, kind_of};
+use crate::optimize::chi_square::per_dof;
 use crate::parallel::map_indices;
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::{LARGEST_CORRELATION, NoiseLevels};
+use crate::solve::map::object::agreement::weighted_median;
 use crate::solve::map::object::fit::Fit;
 use crate::solve::options::BodyKind;
 
@@ -129,7 +131,7 @@ struct Pooled {
     /// Expected numbers of objects of each kind: of all objects, and of each category.
     counts: OfEach,
     counts_of_category: BTreeMap<Option<usize>, OfEach>,
-    /// Weighted squared residual per degree of freedom.
+    /// Squared residual per degree of freedom of the median object.
     variance: f64,
     /// Share of the residuals that count, see [`independent_share`].
     independent: f64,
@@ -138,12 +140,13 @@ struct Pooled {
 impl Pooled {
     /// With the probabilities of the kinds of each object, given the others; `None` where the objects tell nothing.
     fn among(told: &[BodyEvidence], before: fn(usize) -> f64) -> Option<(Self, Vec<OfEach>)> {
-        let dof: f64 = told.iter().map(|evidence| evidence.dof).sum();
-        let variance = told.iter().map(|evidence| evidence.best_cost()).sum::<f64>() / dof;
-        if dof <= 0.0 || !variance.is_finite() {
-            return None;
-        }
-        let independent = independent_share(told, variance);
+        let best: Vec<_> = told.iter().map(BodyEvidence::best).collect();
+        // The median: one object that no kind fits would drown the noise of the others.
+        let told_by = best.iter().filter(|(_, _, dof)| *dof > 0.0);
+        let mut variances: Vec<_> = told_by.map(|(_, variance, dof)| (variance / per_dof(*dof, 0.0), *dof)).collect();
+        let variance = weighted_median(&mut variances)?;
+        let neighbours = told.iter().zip(&best).map(|(evidence, (kind, ..))| evidence.neighbours[*kind]);
+        let independent = independent_share(neighbours, variance);
         let (counts, counts_of_category) = ([0.0; KINDS], BTreeMap::new());
         let mut pooled =
             Self { before: std::array::from_fn(before), counts, counts_of_category, variance, independent };
@@ -195,13 +198,8 @@ impl Pooled {
 /// Share of the residuals that count: those that remain with the best kind of each object are alike in neighbouring views
 /// where no kind is quite right, and then they say less about which one is. As of an autoregressive process with the
 /// correlation of neighbours.
-fn independent_share(told: &[BodyEvidence], variance: f64) -> f64 {
-    let mut sums = [0.0; 2];
-    for evidence in told {
-        let [sum, pairs] = evidence.neighbours[evidence.best()];
-        sums[0] += sum;
-        sums[1] += pairs;
-    }
+fn independent_share(neighbours: impl Iterator<Item = [f64; 2]>, variance: f64) -> f64 {
+    let sums = neighbours.fold([0.0; 2], |sums, [sum, pairs]| [sums[0] + sum, sums[1] + pairs]);
     let correlation = if sums[1] > 0.0 { (sums[0] / sums[1]).clamp(0.0, LARGEST_CORRELATION) } else { 0.0 };
     let correlation = correlation * variance / (variance + MUCH_LESS_THAN_NOISE);
     (1.0 - correlation) / (1.0 + correlation)
@@ -226,14 +224,16 @@ fn most_probable(probabilities: &OfEach) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use super::super::body_evidence::KindFit;
     use super::*;
 
     /// An object of a category with these costs of an ellipsoid and a cuboid, all else equal.
     fn object(category: usize, ellipsoid: f64, cuboid: f64) -> BodyEvidence {
-        let mut fits = [None; KINDS];
-        fits[ELLIPSOID] = Some((ellipsoid, 10.0));
-        fits[CUBOID] = Some((cuboid, 10.0));
-        BodyEvidence { category: Some(category), dof: 30.0, fits, neighbours: [[0.0; 2]; KINDS] }
+        let fit = |cost: f64| Some(KindFit::of_views(vec![(cost / 10.0, 4); 10], 10.0));
+        let mut fits = std::array::from_fn(|_| None);
+        fits[ELLIPSOID] = fit(ellipsoid);
+        fits[CUBOID] = fit(cuboid);
+        BodyEvidence { category: Some(category), log_wrong: -3.0, fits, neighbours: [[0.0; 2]; KINDS] }
     }
 
     fn body_kinds(told: &[BodyEvidence]) -> Vec<BodyKind> {
@@ -288,16 +288,16 @@ mod tests {
     /// process: `(1 - r) / (1 + r)` of them.
     #[test]
     fn residuals_that_are_alike_in_neighbouring_views_count_less() {
-        let mut one = object(0, 90.0, 30.0);
-        one.neighbours[CUBOID] = [15.0, 30.0];
-        one.neighbours[ELLIPSOID] = [30.0, 30.0];
         // The correlation of 0.5 shrinks where the residuals are much smaller than the noise.
-        assert!((independent_share(&[one.clone()], 1e9) - 1.0 / 3.0).abs() < 1e-9);
-        assert!((independent_share(&[one.clone()], 0.1) - 0.6).abs() < 1e-12);
-        assert!(independent_share(&[one.clone()], 1e-9) > 1.0 - 1e-6);
+        let share = |variance| independent_share(std::iter::once([15.0, 30.0]), variance);
+        assert!((share(1e9) - 1.0 / 3.0).abs() < 1e-9);
+        assert!((share(0.1) - 0.6).abs() < 1e-12);
+        assert!(share(1e-9) > 1.0 - 1e-6);
+        let one = object(0, 90.0, 30.0);
         let odds = |independent| one.log_odds(1.0, independent)[CUBOID];
-        // Noise of the scene counts as eight residuals: (30 + 8) / 2 ln((90 + 8) / (30 + 8)).
-        assert!((odds(1.0) - 19.0 * (98.0_f64 / 38.0).ln()).abs() < 1e-9);
-        assert!((odds(1.0 / 3.0) / odds(1.0) - 1.0 / 3.0).abs() < 1e-9);
+        // Noise of the scene counts as eight residuals, of 40 less nine parameters: (31 + 8) / 2 ln((90 + 8) / (30 + 8)).
+        assert!((odds(1.0) - 19.5 * (98.0_f64 / 38.0).ln()).abs() < 1e-2, "{}", odds(1.0));
+        let ratio = odds(1.0 / 3.0) / odds(1.0);
+        assert!((0.25..0.5).contains(&ratio), "{ratio}");
     }
 }

@@ -21,7 +21,7 @@ use crate::solve::map::noise::statistics::NoiseStatistics;
 use crate::solve::map::object::agreement::{Reference, is_inconsistent, median_level};
 use crate::solve::map::object::fit::Fit;
 use crate::solve::map::object::model::Model;
-use crate::solve::map::object::objective::{FEWEST_VIEWS, OUTLIER_SCALE};
+use crate::solve::map::object::objective::OUTLIER_SCALE;
 use crate::solve::map::object::problem::ObjectProblem;
 use crate::solve::map::shared::SharedErrors;
 use crate::solve::map::shared::cue_scales::{CueScales, Ratios};
@@ -204,9 +204,8 @@ impl SceneFit {
             let misfits: Vec<Option<Misfit>> = fits.iter().flatten().map(|fit| fit.misfit(&noise)).collect();
             let reference = Reference::among(&noise, misfits.iter().copied().flatten(), context.options);
             for (fit, misfit) in fits.iter().flatten().zip(misfits) {
-                // A false box among few views cannot be rejected, and must not affect the noise levels.
-                let few = fit.problem.views.views.len() < FEWEST_VIEWS;
-                if !few || misfit.is_none_or(|misfit| !is_inconsistent(&reference.against(misfit))) {
+                // False boxes that could not be rejected must not affect the noise levels.
+                if misfit.is_none_or(|misfit| !is_inconsistent(&reference.against(misfit))) {
                     statistics.merge(&fit.statistics(&noise, context));
                 }
             }
@@ -256,7 +255,7 @@ impl SceneFit {
                 } else {
                     fit.refined(&noise, false)
                 };
-                Ok(if restart { fit.restarted(&noise, context) } else { fit })
+                Ok(if restart { fit.restarted(&noise) } else { fit })
             });
             let shared = ground.is_some() || !poses.is_empty() || cues;
             if settled && (!shared || round >= SHARED_ROUNDS) {

@@ -73,7 +73,7 @@ impl Fit {
         let asked = context.options.upright && !self.is_upright() && self.problem.prior.log_size.is_none();
         let up = context.up.filter(|_| asked)?;
         let problem = Arc::new(self.problem.standing(&up));
-        let near = self.put_upright(&problem, noise, context);
+        let near = self.put_upright(&problem, noise);
         let few = problem.views.views.len() < FEW_VIEWS;
         let again = || {
             let fit = Self::first(ObjectProblem::clone(&problem), noise, context).ok()?;
@@ -94,7 +94,7 @@ impl Fit {
 
     /// The body of this fit set upright, and fitted from there; `None` for a body with several starts, which is looked for from
     /// all of them.
-    fn put_upright(&self, problem: &Arc<ObjectProblem>, noise: &NoiseLevels, context: &MapContext) -> Option<Self> {
+    fn put_upright(&self, problem: &Arc<ObjectProblem>, noise: &NoiseLevels) -> Option<Self> {
         if self.problem.has_several_starts() {
             return None;
         }
@@ -103,8 +103,7 @@ impl Fit {
         let start = EllipsoidModel::from_axes(*body.center(), axes, semi_axes);
         let objective = problem.objective(noise, self.outlier_scale);
         let (ellipsoid, _) = minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
-        let (body, equations) =
-            problem.started_at(&ellipsoid, noise, self.outlier_scale, context.seed, TURNED_STARTS)?;
+        let (body, equations) = problem.started_at(&ellipsoid, noise, self.outlier_scale, 0, TURNED_STARTS)?;
         let fit = Self { problem: problem.clone(), ellipsoid, body, equations, ..self.clone() };
         Some(fit.refined(noise, false))
     }

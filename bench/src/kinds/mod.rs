@@ -4,6 +4,8 @@
 //! parked cars. `--edge-bias` simulates systematic errors of a detector:
 //! `quadlift synth --body cuboid,cylinder,ellipsoid --standing --edge-bias 0.04 --noise box:0.02 ...`.
 
+mod wrong_boxes;
+
 use nalgebra::{Point3, Rotation3, Vector2, Vector3};
 use quadlift::geometry::{Body, Cuboid};
 use quadlift::metrics::iou3d_bodies;
@@ -73,7 +75,7 @@ fn rows() -> Vec<(&'static str, Row)> {
 /// [`Error::Synthetic`], [`Error::Localize`].
 pub fn run(run: &Run) -> Result<Report, Error> {
     let rows = rows();
-    let steps = Steps::new("kinds", SETS.len() * rows.len(), run.progress);
+    let steps = Steps::new("kinds", SETS.len() * rows.len() + wrong_boxes::STEPS, run.progress);
     let mut report = Report::new("kinds", "Bodies of several kinds (ours)");
     report.text(
         "Volume IoU of the estimated and the true body, each of its own kind, 0 without an estimate. One third of the \
@@ -122,6 +124,9 @@ pub fn run(run: &Run) -> Result<Report, Error> {
             }
             steps.done();
         }
+        report.table(table);
+    }
+    for table in wrong_boxes::tables(run, &steps)? {
         report.table(table);
     }
     Ok(report)
