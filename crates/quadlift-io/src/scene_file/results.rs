@@ -167,7 +167,7 @@ mod tests {
         matrix[(4, 3)] = 0.002;
         Estimate {
             center: Some(Point3::new(1.0, 2.0, 3.0)),
-            body: Some(body.clone()),
+            body: Some(body),
             enclosing_scale: Some(1.25),
             enclosing: None,
             covariance: Some(Covariance { coordinates: CovarianceCoordinates::CenterVechShape, matrix }),
