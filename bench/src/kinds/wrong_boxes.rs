@@ -47,7 +47,7 @@ pub(super) fn tables(run: &Run, steps: &Steps) -> Result<Vec<Table>, Error> {
             let mut table = Table::new(title, columns);
             for views in VIEWS {
                 for (name, kind) in TRUTHS {
-                    let mut cells: Vec<Cell> = vec![name.into(), views.to_string().as_str().into()];
+                    let mut cells: Vec<Cell> = vec![name.into(), views.to_string().into()];
                     for share in SHARES {
                         let (given, difference) = cell(run, noise, views, kind, share)?;
                         cells.extend([Cell::figure(given, 3), Cell::figure(difference, 3)]);

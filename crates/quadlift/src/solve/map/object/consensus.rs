@@ -1,5 +1,6 @@
 //! How many views agree with a body, whatever their noise (docs/method.md, section 8.1).
 
+use crate::optimize::normal_equations::PARAMETERS;
 use crate::solve::map::noise::groups::NoiseGroup;
 use crate::solve::map::noise::levels::NoiseLevels;
 
@@ -9,9 +10,9 @@ pub(crate) const WRONG_SHARE: f64 = 0.05;
 /// Where the edges of a wrong box may be: over so many half sizes of the object's.
 const WRONG_RANGE: f64 = 10.0;
 
-/// Edges of a view, and parameters of a body.
-const EDGES: f64 = 4.0;
-const PARAMETERS: f64 = 9.0;
+/// Residuals of a view for which the scale of the loss and limits on its sum of squares are meant: four edges. Sums of
+/// other numbers are compared by their probability ([`crate::optimize::chi_square::as_of`]).
+pub(crate) const USUAL_RESIDUALS: usize = 4;
 
 /// The fewest views that say more than a body can follow.
 const FEWEST: usize = 3;
@@ -44,16 +45,16 @@ impl Consensus {
     pub(crate) fn of(mut view_costs: Vec<f64>, noise: &NoiseLevels) -> Self {
         view_costs.sort_by(f64::total_cmp);
         let count = view_costs.len();
-        let log_wrong = (WRONG_SHARE / (1.0 - WRONG_SHARE)).ln() + EDGES * log_wrong_edge(noise);
+        let log_wrong = (WRONG_SHARE / (1.0 - WRONG_SHARE)).ln() + USUAL_RESIDUALS as f64 * log_wrong_edge(noise);
         let mut sum = 0.0;
         let mut best = Self { score: f64::NEG_INFINITY, variance: 1.0 };
         for (k, cost) in view_costs.into_iter().enumerate() {
             sum += cost;
             let agree = k + 1;
-            if agree < FEWEST.min(count) {
+            if agree < FEWEST {
                 continue;
             }
-            let dof = (EDGES * agree as f64 - PARAMETERS).max(1.0);
+            let dof = (USUAL_RESIDUALS * agree - PARAMETERS) as f64;
             let variance = sum / dof;
             let score = -0.5 * dof * (variance.max(SMALLEST_VARIANCE).ln() + 1.0) + (count - agree) as f64 * log_wrong;
             if score > best.score {

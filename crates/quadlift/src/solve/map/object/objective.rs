@@ -1,7 +1,7 @@
 //! The objective: whitened residuals of all views, a robust loss in case of outliers, and priors (docs/method.md,
 //! section 5).
 
-use super::consensus::Consensus;
+use super::consensus::{Consensus, USUAL_RESIDUALS};
 use super::prior::ObjectPrior;
 use crate::body_model::BodyModel;
 use crate::geometry::linalg::invert_spd;
@@ -17,10 +17,6 @@ use crate::solve::map::residuals::measurements::{Measurements, Plane};
 use crate::solve::map::residuals::row::ResidualRow;
 use crate::solve::map::residuals::view_rows::view_rows;
 use crate::tuning::STUDENT_T_DOF;
-
-/// Residuals of a view for which the scale of the loss and limits on its sum of squares are meant: four edges. Sums of
-/// other numbers are compared by their probability ([`chi_square::as_of`]).
-const USUAL_RESIDUALS: usize = 4;
 
 /// Scale of the redescending loss (Geman-McClure) on the norm of a view's four whitened residuals.
 pub(crate) const OUTLIER_SCALE: f64 = 4.0;
