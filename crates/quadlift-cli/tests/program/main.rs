@@ -4,7 +4,6 @@
 
 mod align;
 mod associate;
-#[cfg(not(feature = "parquet"))]
 mod bad_inputs;
 mod calibrate;
 mod calibration;
