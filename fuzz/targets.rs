@@ -1,37 +1,17 @@
 //! What the fuzz targets do with their input; `crates/quadlift-io/tests/fuzz_seeds.rs` does the same with the seeds.
 //!
-//! Each tells whether the input was read. Formats of several files have them one after another, separated by [`SEPARATOR`].
+//! Each tells whether the input was read. [`formats`] takes the files of any format.
 
-use std::path::Path;
+use std::path::{Component, Path};
 
 use quadlift::online::{ObjectMap, OnlineOptions};
 use quadlift::run::{AssociateWhen, RunOptions};
 use quadlift::solve::{BodyKind, Method, Status};
 use quadlift::{LocalizeOptions, Unobserved};
+use quadlift_io::formats;
 use quadlift_io::mcap::{LiveFrames, LiveOptions, McapOptions, Next, parse_mcap};
-use quadlift_io::read::arkit::{ArkitOptions, CaptureImages, FrameFile, parse_polycam, parse_record3d, parse_scanner};
-use quadlift_io::read::bop::{BopFiles, parse_bop};
-use quadlift_io::read::detections::boxer::parse_boxer;
-use quadlift_io::read::detections::coco::parse_coco;
-use quadlift_io::read::detections::csv::{TableOptions, parse_csv};
-use quadlift_io::read::detections::cvat::parse_cvat;
-use quadlift_io::read::detections::kitti::parse_kitti_labels;
-use quadlift_io::read::detections::label_studio::parse_label_studio;
-use quadlift_io::read::detections::labelme::parse_labelme;
-use quadlift_io::read::detections::mot::{MotOptions, parse_mot};
-use quadlift_io::read::detections::names::parse_names;
-use quadlift_io::read::detections::supervision::parse_supervision;
-use quadlift_io::read::detections::voc::parse_voc;
-use quadlift_io::read::detections::yolo::{YoloOptions, parse_yolo};
-use quadlift_io::read::detections::{AddOptions, DetectionFiles, LabelFile, MatchBy, add_detections};
-use quadlift_io::read::kitti::{KittiFiles, KittiOptions, parse_kitti};
-use quadlift_io::read::kitti_raw::parse_tracklets;
-use quadlift_io::read::nerfstudio::parse_nerfstudio;
-use quadlift_io::read::nuscenes::{NuscenesOptions, parse_nuscenes};
-use quadlift_io::read::opensfm::parse_opensfm;
-use quadlift_io::read::projections::parse_projections;
-use quadlift_io::read::tum::{TumOptions, parse_tum};
-use quadlift_io::read::{Import, PixelCenters, colmap};
+use quadlift_io::read::detections::{AddOptions, DetectionFiles, MatchBy, add_detections};
+use quadlift_io::read::{Import, READ, ReadOptions};
 use quadlift_io::run::{FileInput, FileOptions, FileRun, run_file};
 use quadlift_io::scene_file::{CameraRecord, DetectionRecord, FrameRecord, SceneFile, parse_scene_file, write_scene};
 use quadlift_io::stream::{FrameLine, StreamedScene, parse_line};
@@ -43,58 +23,23 @@ pub type Target = fn(&[u8]) -> bool;
 
 /// Every target under the name of its folder in `fuzz/seeds`.
 pub const TARGETS: &[(&str, Target)] = &[
-    ("arkit", arkit),
-    ("bop", bop),
-    ("boxer", boxer),
-    ("coco", coco),
-    ("colmap_binary", colmap_binary),
-    ("colmap_text", colmap_text),
-    ("csv", csv),
-    ("cvat", cvat),
-    ("kitti", kitti),
-    ("kitti_labels", kitti_labels),
-    ("kitti_raw", kitti_raw),
-    ("label_studio", label_studio),
-    ("labelme", labelme),
+    ("formats", formats),
     ("live", live),
     ("localize", localize),
     ("mcap", mcap),
-    ("mot", mot),
-    ("nerfstudio", nerfstudio),
-    ("nuscenes", nuscenes),
-    ("opensfm", opensfm),
     #[cfg(feature = "parquet")]
     ("parquet", parquet),
     ("polygons", polygons),
-    ("projections", projections),
     ("rle", rle),
     ("scene", scene),
     ("stream", stream),
-    ("supervision", supervision),
-    ("tum", tum),
-    ("voc", voc),
-    ("yolo", yolo),
 ];
 
-/// Stands between the files of one input.
+/// Stands between the messages of one input.
 const SEPARATOR: &[u8] = b"=====\n";
 
-/// A file with its name.
-type File<'a> = (&'a Path, &'a [u8]);
-
-/// The files of an input; those that are missing are empty.
-fn files<'a, const N: usize>(data: &'a [u8], names: [&'static str; N]) -> [File<'a>; N] {
-    let mut rest = data;
-    names.map(|name| {
-        let end = rest.windows(SEPARATOR.len()).position(|window| window == SEPARATOR);
-        let (file, after) = match end {
-            Some(end) => (&rest[..end], &rest[end + SEPARATOR.len()..]),
-            None => (rest, &[][..]),
-        };
-        rest = after;
-        (Path::new(name), file)
-    })
-}
+/// Stands before the path and the content of each file of a format.
+const FILE: &[u8] = b"===== ";
 
 /// An error has a message in one line.
 fn check_error(error: ReadError) {
@@ -156,162 +101,82 @@ fn small_scene() -> SceneFile {
     SceneFile { cameras: vec![camera], frames: (0..4).map(frame).collect(), ..SceneFile::default() }
 }
 
-fn colmap_text(data: &[u8]) -> bool {
-    let names = ["cameras.txt", "images.txt", "points3D.txt", "rigs.txt", "frames.txt"];
-    let [cameras, images, points, rigs, frames] = files(data, names);
-    check(colmap::parse_text([cameras, images, points], (!rigs.1.is_empty()).then_some([rigs, frames]), 2))
+/// An example of a format: the words behind `quadlift import`, and files.
+pub struct Example {
+    /// The name of the format, a path, and options with their values.
+    pub words: Vec<String>,
+    /// Paths and contents.
+    pub files: Vec<(String, Vec<u8>)>,
 }
 
-fn colmap_binary(data: &[u8]) -> bool {
-    let names = ["cameras.bin", "images.bin", "points3D.bin", "rigs.bin", "frames.bin"];
-    let [cameras, images, points, rigs, frames] = files(data, names);
-    check(colmap::parse_binary([cameras, images, points], (!rigs.1.is_empty()).then_some([rigs, frames]), 2))
-}
-
-fn nerfstudio(data: &[u8]) -> bool {
-    let exists = |name: &str| name.ends_with(".jpg");
-    let size_of = |name: &str| name.starts_with('s').then_some([640.0, 480.0]);
-    check(parse_nerfstudio(Path::new("transforms.json"), data, PixelCenters::Integer, &exists, &size_of))
-}
-
-fn opensfm(data: &[u8]) -> bool {
-    let [reconstruction, reference] = files(data, ["reconstruction.json", "reference_lla.json"]);
-    let beside = (!reference.1.is_empty()).then_some(reference);
-    check(parse_opensfm(reconstruction.0, reconstruction.1, beside, 2))
-}
-
-/// The frames of Polycam and of 3D Scanner App, and the metadata of Record3D; those that are missing are empty.
-fn arkit(data: &[u8]) -> bool {
-    let named = |stem: &str| (stem != "1").then(|| format!("{stem}.jpg"));
-    let images = CaptureImages { named: &named, size_of: &|_| None };
-    let options = ArkitOptions { image_size: None, pixel_centers: PixelCenters::Integer };
-    let [polycam, scanner, record3d] = files(data, ["0.json", "frame_0.json", "metadata"]);
-    let frame = |(path, bytes), stem| FrameFile { stem, path, bytes };
-    let folder = Path::new("capture");
-    let polycam = polycam.1.is_empty() || check(parse_polycam(folder, &[frame(polycam, "0")], &images, &options));
-    let scanner = scanner.1.is_empty() || check(parse_scanner(folder, &[frame(scanner, "frame_0")], &images, &options));
-    let record3d = record3d.1.is_empty() || check(parse_record3d(record3d.0, record3d.1, &images, &options));
-    polycam && scanner && record3d
-}
-
-/// The tables, one after the other.
-fn nuscenes(data: &[u8]) -> bool {
-    let names =
-        ["scene.json", "sample.json", "sensor.json", "calibrated_sensor.json", "sample_data.json", "ego_pose.json"];
-    let options = NuscenesOptions { sweeps: true, ..NuscenesOptions::default() };
-    check(parse_nuscenes(files(data, names), &options))
-}
-
-fn tum(data: &[u8]) -> bool {
-    let [trajectory, intrinsics, images] = files(data, ["trajectory.txt", "camera.txt", "rgb.txt"]);
-    let with_images = !images.1.is_empty();
-    let options = TumOptions {
-        intrinsics: intrinsics.0,
-        image_size: Some([640.0, 480.0]),
-        image_list: with_images.then_some(images.0),
-        time_tolerance: 0.02,
-        pixel_centers: PixelCenters::Half,
-    };
-    check(parse_tum(trajectory, intrinsics.1, with_images.then_some(images.1), &options))
-}
-
-fn kitti(data: &[u8]) -> bool {
-    let [calib, oxts, labels] = files(data, ["calib.txt", "oxts.txt", "label.txt"]);
-    let options =
-        KittiOptions { sequence: "0000".to_owned(), frames: None, image_size: None, pixel_centers: PixelCenters::Half };
-    check(parse_kitti(KittiFiles { calib, oxts, labels: Some(labels).filter(|file| !file.1.is_empty()) }, &options))
-}
-
-fn kitti_raw(data: &[u8]) -> bool {
-    // The rest of a drive goes through the same readers as the tracking benchmark.
-    match parse_tracklets(Path::new("tracklet_labels.xml"), data) {
-        Err(error) => {
-            assert!(!error.problem.is_empty());
-            false
+impl Example {
+    /// The example as the input of the target [`formats`].
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = format!("{}\n", self.words.join(" ")).into_bytes();
+        for (path, content) in &self.files {
+            bytes.extend([FILE, path.as_bytes(), b"\n", content].concat());
         }
-        Ok(_) => true,
+        bytes
+    }
+
+    /// The example in an input; `None` where the first line or a path is none.
+    pub fn of(data: &[u8]) -> Option<Self> {
+        let end_of_line = |data: &[u8]| data.iter().position(|&byte| byte == b'\n');
+        let text = |data: &[u8]| std::str::from_utf8(data).ok().map(str::to_owned);
+        let (head, mut rest) = data.split_at(end_of_line(data)? + 1);
+        let words: Vec<String> = text(head)?.split_whitespace().map(str::to_owned).collect();
+        let mut files: Vec<(String, Vec<u8>)> = Vec::new();
+        while let Some(file) = rest.strip_prefix(FILE) {
+            let (path, content) = file.split_at(end_of_line(file)?);
+            let next = content.windows(FILE.len()).position(|window| window == FILE).unwrap_or(content.len());
+            files.push((text(path)?, content[1..next.max(1)].to_vec()));
+            rest = &content[next.max(1)..];
+        }
+        let is_inside = |path: &str| Path::new(path).components().all(|part| matches!(part, Component::Normal(_)));
+        let are_inside = words.len() > 1 && files.iter().all(|(path, _)| is_inside(path) && path.len() < 100);
+        (are_inside && (words[1] == "." || is_inside(&words[1]))).then_some(Self { words, files })
+    }
+
+    /// Writes the files into a folder.
+    pub fn write(&self, folder: &Path) -> std::io::Result<()> {
+        for (path, content) in &self.files {
+            let path = folder.join(path);
+            std::fs::create_dir_all(path.parent().unwrap())?;
+            std::fs::write(path, content)?;
+        }
+        Ok(())
+    }
+
+    /// The options among the words; paths are those of files in a folder.
+    pub fn options(&self, folder: &Path) -> Result<ReadOptions, String> {
+        let mut options = ReadOptions::default();
+        let mut words = self.words[2..].iter();
+        while let Some(word) = words.next() {
+            let name = word.strip_prefix("--").ok_or_else(|| format!("{word} is no option"))?.replace('-', "_");
+            let row = READ.iter().find(|row| row.name == name).ok_or_else(|| format!("there is no option {word}"))?;
+            let value = if row.value.is_empty() { "" } else { words.next().ok_or("a value is missing")? };
+            let is_path = row.value.starts_with("FILE") || row.value == "DIR";
+            let place = folder.join(value);
+            let value = if is_path { place.to_str().ok_or("a path is not UTF-8")? } else { value };
+            (row.set)(&mut options, value)?;
+        }
+        options.write_images = None;
+        Ok(options)
     }
 }
 
-fn bop(data: &[u8]) -> bool {
-    let [camera, ground_truth, info, models] =
-        files(data, ["scene_camera.json", "scene_gt.json", "scene_gt_info.json", "models_info.json"]);
-    let there = |file: &File| !file.1.is_empty();
-    let files = BopFiles {
-        camera,
-        ground_truth: Some(ground_truth).filter(there),
-        info: Some(info).filter(there),
-        models: Some(models).filter(there),
-    };
-    let with_object = check(parse_bop(files, Some(5), None));
-    check(parse_bop(files, None, None)) || with_object
-}
-
-fn projections(data: &[u8]) -> bool {
-    check(parse_projections(Path::new("projections.csv"), data, None, PixelCenters::Integer))
-}
-
-fn coco(data: &[u8]) -> bool {
-    let [file, annotations] = files(data, ["results.json", "instances.json"]);
-    check_detections(parse_coco(file, Some(annotations).filter(|file| !file.1.is_empty())))
-}
-
-fn mot(data: &[u8]) -> bool {
-    check_detections(parse_mot(Path::new("mot.txt"), data, &MotOptions::default()))
-}
-
-/// The files of a format that has one for each image.
-fn label_files(data: &[u8], extension: &str) -> Vec<LabelFile> {
-    let files = files(data, ["0", "1", "2"]);
-    let name = |name: &Path| format!("{}.{extension}", name.display());
-    files.map(|(path, bytes)| LabelFile { name: name(path), path: name(path).into(), bytes: bytes.to_vec() }).into()
-}
-
-/// Two label files, then the names of the classes in YAML.
-fn yolo(data: &[u8]) -> bool {
-    let mut files = label_files(data, "txt");
-    let names = files.pop().map(|file| parse_names(Path::new("data.yaml"), &file.bytes).map_err(check_error));
-    let names = names.and_then(Result::ok);
-    let options = YoloOptions { names: names.as_ref(), ..YoloOptions::default() };
-    check_detections(parse_yolo(Path::new("labels"), &files, &options))
-}
-
-fn kitti_labels(data: &[u8]) -> bool {
-    let mut files = label_files(data, "txt");
-    files.truncate(1);
-    check_detections(parse_kitti_labels(Path::new("labels"), &files))
-}
-
-fn csv(data: &[u8]) -> bool {
-    check_detections(parse_csv(Path::new("boxes.csv"), data, &TableOptions::default()))
-}
-
-fn supervision(data: &[u8]) -> bool {
-    check_detections(parse_supervision(Path::new("sink"), data, &TableOptions::default()))
-}
-
-fn labelme(data: &[u8]) -> bool {
-    let mut files = label_files(data, "json");
-    files.retain(|file| !file.bytes.is_empty());
-    check_detections(parse_labelme(Path::new("labels"), &files))
-}
-
-fn voc(data: &[u8]) -> bool {
-    let mut files = label_files(data, "xml");
-    files.retain(|file| !file.bytes.is_empty());
-    check_detections(parse_voc(Path::new("labels"), &files))
-}
-
-fn boxer(data: &[u8]) -> bool {
-    check_detections(parse_boxer(Path::new("boxer_3dbbs.csv"), data))
-}
-
-fn cvat(data: &[u8]) -> bool {
-    check_detections(parse_cvat(Path::new("annotations.xml"), data))
-}
-
-fn label_studio(data: &[u8]) -> bool {
-    check_detections(parse_label_studio(Path::new("export.json"), data))
+/// Any format of cameras or detections: an [`Example`].
+fn formats(data: &[u8]) -> bool {
+    let Some(example) = Example::of(data) else { return false };
+    let folder = tempfile::tempdir().unwrap();
+    let written = example.write(folder.path());
+    let (Ok(()), Ok(options)) = (written, example.options(folder.path())) else { return false };
+    let path = folder.path().join(&example.words[1]);
+    if let Some(format) = formats::detections().find(|format| format.name == example.words[0]) {
+        return check_detections((format.read)(&path, &options));
+    }
+    let format = formats::poses().find(|format| format.name == example.words[0]);
+    format.is_some_and(|format| check((format.read)(&path, &options)))
 }
 
 /// A scene file: what is read is written and read back as it was, and its scene, objects and masks are valid or refused in
@@ -423,8 +288,8 @@ fn mcap(data: &[u8]) -> bool {
         // Where nothing is wrong, nothing is left out.
         assert_eq!(Ok(strict), lenient.as_ref());
     }
-    check(lenient.map(|found| found.import));
-    check(strict.map(|found| found.import))
+    check(lenient);
+    check(strict)
 }
 
 /// Messages of a robot: `t` transforms, `s` fixed ones, `c` a calibration, `d` detections, each before its bytes. Problems are told, and

@@ -168,7 +168,7 @@ def write_nuscenes(folder, rng):
 def check_nuscenes(quadlift, folder):
     root = folder / "nuscenes"
     write_nuscenes(root, np.random.default_rng(5))
-    scene, _ = read_scene(quadlift, folder / "nuscenes.json", "nuscenes", root, "--scene", "scene-0061")
+    scene, _ = read_scene(quadlift, folder / "nuscenes.json", "nuscenes", root, "--sequence", "scene-0061")
     devkit = NuScenes("v1.0-mini", str(root), verbose=False)
     assert len(scene["frames"]) == len(devkit.sample_data) == 15
     cameras = {camera["id"]: camera for camera in scene["cameras"]}

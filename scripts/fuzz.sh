@@ -22,6 +22,8 @@ for target in "${targets[@]}"; do
         exit 2
     fi
 done
+# The examples on the pages of formats.
+QUADLIFT_WRITE_SEEDS=1 cargo test -q -p quadlift-io --test fuzz_seeds examples_of_formats >/dev/null || exit 1
 summary=""
 failed=0
 for target in "${targets[@]}"; do

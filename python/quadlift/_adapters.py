@@ -63,7 +63,7 @@ class FromOtherPackages(SceneData):
     ) -> Self:
         """Cameras with the detections of a file of another program, whose format is detected.
 
-        The formats are those of the program (docs/formats/index.md): COCO, Ultralytics YOLO and others. Images are
+        The formats are those of the program (docs/formats/detections.md): COCO, Ultralytics YOLO and others. Images are
         matched to frames by name, number or time. Track ids become object ids.
 
         Parameters

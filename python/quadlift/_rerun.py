@@ -1,6 +1,6 @@
 """Scenes and results as recordings for Rerun (https://rerun.io).
 
-All values are computed beforehand (see docs/formats/rerun.md); `_rerun_log` says which entities they become.
+All values are computed beforehand (see docs/formats/exports.md); `_rerun_log` says which entities they become.
 """
 
 from __future__ import annotations

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use quadlift::association::{AssociateOptions, IdUse};
 use quadlift::geometry::BoundingBox;
-use quadlift_io::read::PixelCenters;
-use quadlift_io::read::kitti::{KittiOptions, read_kitti};
+use quadlift_io::formats::read_cameras;
+use quadlift_io::read::ReadOptions;
 use quadlift_io::scene_file::DetectionRecord;
 use quadlift_io::{EntryError, ReadError, SceneFile};
 use rayon::prelude::*;
@@ -40,13 +40,8 @@ type Shown = Vec<Option<Box<str>>>;
 /// Reads a sequence: a scene with the true cars and the boxes of the detector, without ids, and what they show.
 fn read(data: &Path, sequence: &str) -> Result<(SceneFile, Shown), Error> {
     let folder = data.join("kitti_tracking");
-    let options = KittiOptions {
-        sequence: sequence.to_owned(),
-        frames: None,
-        image_size: None,
-        pixel_centers: PixelCenters::default(),
-    };
-    let mut file = read_kitti(&folder, &options)?.scene;
+    let options = ReadOptions { sequence: Some(sequence.to_owned()), ..ReadOptions::default() };
+    let mut file = read_cameras(&folder, &options)?.scene;
     file.objects.retain(|object| is_car(object.category.as_deref()));
     let labels: Vec<DetectionRecord> =
         std::mem::take(&mut file.detections).into_iter().filter(|d| is_car(d.category.as_deref())).collect();

@@ -1,12 +1,8 @@
 //! Values of options that several commands share.
 
-use std::ops::RangeInclusive;
-
 use quadlift::UnknownName;
 use quadlift::solve::BodyKind;
-pub use quadlift_io::correct::assume::image_size;
 use quadlift_io::scene_file::Detail;
-use quadlift_io::write::geodesy::Place;
 
 /// Reads a kind of body.
 pub fn body(text: &str) -> Result<BodyKind, UnknownName> {
@@ -44,11 +40,6 @@ pub fn positive(text: &str) -> Result<f64, String> {
     finite(text).ok().filter(|x| *x > 0.0).ok_or_else(|| "expected a number above 0".to_owned())
 }
 
-/// Reads a finite number that is zero or above.
-pub fn not_negative(text: &str) -> Result<f64, String> {
-    finite(text).ok().filter(|x| *x >= 0.0).ok_or_else(|| "expected a non-negative number".to_owned())
-}
-
 /// Reads three numbers separated by commas.
 pub fn three_numbers(text: &str) -> Result<[f64; 3], String> {
     let numbers: Result<Vec<f64>, String> = text.split(',').map(finite).collect();
@@ -58,22 +49,6 @@ pub fn three_numbers(text: &str) -> Result<[f64; 3], String> {
     }
 }
 
-/// Reads a place on Earth, such as 48.2,16.37,170: latitude, longitude and altitude.
-pub fn place(text: &str) -> Result<Place, String> {
-    let numbers = three_numbers(text).ok();
-    let place = numbers.map(|[latitude, longitude, altitude]| Place { latitude, longitude, altitude });
-    let is_valid = |place: &Place| place.latitude.abs() <= 90.0 && place.longitude.abs() <= 180.0;
-    place
-        .filter(is_valid)
-        .ok_or_else(|| "expected LAT,LON,ALT in degrees and metres, such as 48.2,16.37,170".to_owned())
-}
-
-/// Reads the first and the last frame, such as 90-106.
-pub fn frame_range(text: &str) -> Result<RangeInclusive<usize>, String> {
-    let range = text.split_once('-').and_then(|(a, b)| Some(a.trim().parse().ok()?..=b.trim().parse().ok()?));
-    range.filter(|range| !range.is_empty()).ok_or_else(|| "expected FIRST-LAST, such as 90-106".to_owned())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -81,9 +56,6 @@ mod tests {
     #[test]
     fn numbers_are_finite() {
         assert_eq!(three_numbers("1, -2,3e1"), Ok([1.0, -2.0, 30.0]));
-        assert_eq!((image_size("640x480"), frame_range("90-106")), (Ok([640.0, 480.0]), Ok(90..=106)));
-        assert!(not_negative("0") == Ok(0.0) && not_negative("-1").is_err() && not_negative("nan").is_err());
-        assert!(image_size("640").is_err() && image_size("0x1").is_err() && frame_range("7-6").is_err());
         assert!(three_numbers("1,2").is_err() && three_numbers("1,2,inf").is_err() && finite("nan").is_err());
     }
 }

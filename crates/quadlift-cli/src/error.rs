@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use quadlift_io::ReadError;
 use quadlift_io::diagnosis::DiagnosisRecord;
 
 /// The end of a command that could do its work.
@@ -62,7 +63,8 @@ pub fn usage<T>(text: impl Into<String>) -> anyhow::Result<T> {
 
 /// The exit code of an error.
 pub fn exit_code(error: &anyhow::Error) -> u8 {
-    if error.is::<UsageError>() {
+    let lacks_option = error.downcast_ref::<ReadError>().is_some_and(|error| error.lacks_option);
+    if lacks_option || error.is::<UsageError>() {
         2
     } else if error.is::<InconsistentError>() {
         3

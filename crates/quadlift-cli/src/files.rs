@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, anyhow, bail};
 use glob::{MatchOptions, Pattern};
 use quadlift::scene::Scene;
-use quadlift_io::detect::{CameraFormat, detect_cameras, detect_detections};
+use quadlift_io::formats::{find_cameras, find_detections};
 use quadlift_io::guard::{common_file, is_same_file};
+use quadlift_io::mcap::is_mcap;
 use quadlift_io::{ReadError, SceneFile, is_standard_output, read_scene_file};
 
 use crate::error::{UsageError, usage};
@@ -29,24 +30,23 @@ pub fn with_hint(path: &Path, mut error: ReadError) -> ReadError {
 /// The hint for a path with cameras or detections of another program instead of a scene file.
 fn other_format(path: &Path) -> Option<String> {
     let shown = path.display();
-    match detect_cameras(path) {
-        Ok((CameraFormat::Scene, _)) => return None,
-        Ok((CameraFormat::Mcap, _)) => {
-            return Some(format!("it is a log in MCAP: `quadlift import mcap {shown} -o scene.json` converts it"));
-        }
+    if is_mcap(path) {
+        return Some(format!("it is a log in MCAP: `quadlift import mcap {shown} -o scene.json` converts it"));
+    }
+    match find_cameras(path).map(|(format, _)| format.name) {
+        Ok("scene file") => return None,
         // Any JSON object may be a list of projections.
-        Ok((CameraFormat::Projections, _)) | Err(_) => {}
-        Ok((format, _)) => {
+        Ok("projections") | Err(_) => {}
+        Ok(name) => {
             return Some(format!(
-                "it holds cameras ({}): `quadlift localize --cameras {shown} --detections PATH` reads them",
-                format.name()
+                "it holds cameras ({name}): `quadlift localize --cameras {shown} --detections PATH` reads them"
             ));
         }
     }
-    let format = detect_detections(path).ok()?;
+    let format = find_detections(path).ok()?;
     Some(format!(
         "it holds detections ({}): `quadlift localize --cameras PATH --detections {shown}` reads them",
-        format.name()
+        format.name
     ))
 }
 

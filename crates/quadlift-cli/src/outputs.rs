@@ -25,22 +25,19 @@ const STANDARD_INPUT: &str = "standard input";
 pub struct Paths<'a> {
     outputs: Vec<(&'a str, &'a Path)>,
     inputs: Vec<(&'a str, &'a Path)>,
-    /// `quadlift import-detections`, which may change its scene in place.
-    in_place: bool,
     command: &'a str,
 }
 
 impl<'a> Paths<'a> {
     /// Those of the whole command line.
     pub fn new(matches: &'a ArgMatches) -> Self {
-        let mut paths = Self { outputs: Vec::new(), inputs: Vec::new(), in_place: false, command: "" };
+        let mut paths = Self { outputs: Vec::new(), inputs: Vec::new(), command: "" };
         let mut matches = matches;
         let mut command = "";
         while let Some((name, below)) = matches.subcommand() {
             command = if command.is_empty() { name } else { command };
             matches = below;
         }
-        paths.in_place = command == "import-detections";
         paths.command = command;
         for id in matches.ids() {
             // Groups of options have ids too, the names of their structs, and names of options as values.
@@ -76,7 +73,8 @@ impl<'a> Paths<'a> {
                 return usage(format!("--json writes to standard output, and so would the {what}"));
             }
             for &(name, input) in &self.inputs {
-                if self.in_place && name == "scene" || !is_same_file(input, output) {
+                // The scene of `quadlift import` may be changed in place.
+                if name == "into" || !is_same_file(input, output) {
                     continue;
                 }
                 return usage(match name {

@@ -6,8 +6,8 @@
 
 use std::path::PathBuf;
 
-use quadlift_io::read::colmap::{DEFAULT_POINTS, read_colmap};
-use quadlift_io::read::detections::yolo::{YoloOptions, read_yolo};
+use quadlift_io::formats::{read_cameras, read_detections};
+use quadlift_io::read::ReadOptions;
 use quadlift_io::read::detections::{AddOptions, add_detections};
 use quadlift_io::write_scene_file;
 
@@ -16,9 +16,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let [model, labels, output] = arguments.as_slice() else {
         return Err("usage: colmap_and_yolo MODEL LABELS OUT.json".into());
     };
-    let import = read_colmap(model, DEFAULT_POINTS)?;
+    let import = read_cameras(model, &ReadOptions::default())?;
     let mut scene = import.scene;
-    let detections = read_yolo(labels, &YoloOptions::default())?;
+    let detections = read_detections(labels, &ReadOptions::default())?;
     // Label files and images are matched by their names.
     let added = add_detections(&mut scene, detections, &AddOptions { source: "yolo", ..Default::default() })?;
     println!("{} frames, {} detections in {} of them", scene.frames.len(), added.added, added.matched_images);

@@ -18,6 +18,8 @@ pub struct ReadError {
     pub entry: Option<String>,
     /// What was found and what was expected.
     pub problem: String,
+    /// Whether an option of the reader is missing.
+    pub lacks_option: bool,
 }
 
 impl ReadError {
@@ -30,11 +32,17 @@ impl ReadError {
             column: None,
             entry: None,
             problem: one_line(problem.into(), LONGEST[0]),
+            lacks_option: false,
         }
     }
 
+    /// A file that cannot be read without an option, which the problem names.
+    pub(crate) fn lacking_option(path: &Path, problem: &str) -> Self {
+        Self { lacks_option: true, ..Self::new(path, problem) }
+    }
+
     /// A file in a format that a feature reads which is off in this build.
-    #[cfg(not(all(feature = "images", feature = "xml", feature = "yaml")))]
+    #[cfg(not(all(feature = "images", feature = "xml", feature = "yaml", feature = "parquet")))]
     pub(crate) fn left_out(path: &Path, format: &str, feature: &str) -> Self {
         Self::new(
             path,

@@ -13,12 +13,10 @@ use quadlift_io::align::{ALIGNMENT, Contradiction, MapScale, align_checked, alig
 use quadlift_io::association::write_objects;
 use quadlift_io::correct::assume::up as direction;
 use quadlift_io::correct::{Assumption, RecordCorrection, correct};
-use quadlift_io::detect::{CameraFormat, detect_cameras, detect_detections};
 use quadlift_io::diagnosis::DiagnosisRecord;
-use quadlift_io::read::colmap::{DEFAULT_POINTS, read_colmap};
-use quadlift_io::read::detections::csv::TableOptions;
-use quadlift_io::read::detections::names::read_names;
-use quadlift_io::read::detections::{AddOptions, add_detections, read_detections};
+use quadlift_io::formats::{find_cameras, find_detections};
+use quadlift_io::read::ReadOptions;
+use quadlift_io::read::detections::{AddOptions, add_detections};
 use quadlift_io::scene_file::{parse_scene_file, write_scene};
 use quadlift_io::{ReadError, read_scene_file, write_file, write_scene_file};
 use quadlift_report::{Content, page, report};
@@ -73,9 +71,9 @@ impl PyScene {
     /// The cameras of the folder of a COLMAP model.
     #[staticmethod]
     fn read_colmap(path: PathBuf) -> PyResult<Self> {
-        match detect_cameras(&path).map_err(refuse)? {
-            (CameraFormat::Colmap, path) => {
-                let import = read_colmap(&path, DEFAULT_POINTS).map_err(refuse)?;
+        match find_cameras(&path).map_err(refuse)? {
+            (format, path) if format.name == "colmap" => {
+                let import = (format.read)(&path, &ReadOptions::default()).map_err(refuse)?;
                 // A name beside the images, to whose folder theirs are relative.
                 let place = import.image_folder.map_or_else(PathBuf::new, |folder| folder.join("scene.json"));
                 Self::new(import.scene, place)
@@ -103,17 +101,16 @@ impl PyScene {
         &self,
         path: PathBuf,
         names: Option<PathBuf>,
-        frame_column: Option<&str>,
+        frame_column: Option<String>,
         source: Option<&str>,
         min_score: Option<f64>,
         image_size: Option<[f64; 2]>,
     ) -> PyResult<(Self, Vec<String>)> {
-        let class_names = names.as_deref().map(read_names).transpose().map_err(refuse)?;
-        let table = TableOptions { frame_column, names: class_names.as_ref() };
-        let format = detect_detections(&path).map_err(refuse)?;
-        let found = read_detections(format, &path, None, &table).map_err(refuse)?;
+        let format = find_detections(&path).map_err(refuse)?;
+        let options = ReadOptions { names, frame_column, ..ReadOptions::default() };
+        let found = (format.read)(&path, &options).map_err(refuse)?;
         let mut file = SceneFile::clone(self.loaded.file());
-        let source = source.unwrap_or(format.name());
+        let source = source.unwrap_or(format.name);
         let options = AddOptions { source, min_score, image_size, ..Default::default() };
         // The keyword has the name of the key.
         let keyword = |error: ReadError| refuse(error.to_string().replace("--assume ", ""));

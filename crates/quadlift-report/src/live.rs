@@ -1,4 +1,4 @@
-//! What changes in an object map, frame by frame, in the records of a recording (docs/formats/rerun.md): the content of a live
+//! What changes in an object map, frame by frame, in the records of a recording (docs/formats/exports.md): the content of a live
 //! view.
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,4 +1,4 @@
-//! The content of a Rerun recording, as the JSON document `recording.json` (docs/formats/rerun.md). It is made from the
+//! The content of a Rerun recording, as the JSON document `recording.json` (docs/formats/exports.md). It is made from the
 //! data of a report, with precomputed poses, outlines and colours, so that logging needs no computation.
 
 use std::collections::HashSet;

@@ -1,53 +1,51 @@
 //! `quadlift export`: objects and cameras of a scene file in the formats of other programs.
 
-mod cameras;
-mod formats;
 mod rerun;
 mod tables;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
-use quadlift_io::write::csv::{objects_csv, views_csv};
-use quadlift_io::write::{CheckedScene, Document};
-use quadlift_io::{SceneFile, read_scene_file, write_file};
+use anyhow::{Context, bail};
+use clap::error::ErrorKind;
+use clap::{ArgMatches, FromArgMatches};
+use quadlift_io::write::{BodyChoice, CheckedScene, Document, EXPORTS, ExportFormat, WRITE, WriteOptions, Writer};
+use quadlift_io::{EntryError, SceneFile, read_scene_file, write_file};
 use serde_json::json;
 
 use crate::error::{Outcome, usage};
 use crate::files::{check_file, refuse_to_overwrite};
 use crate::output::{Output, one_line};
+use crate::reading::{Given, arguments};
 use crate::words::{count, some_of};
-use formats::Format;
 
-/// Export objects and cameras to other formats
-///
-/// Exports estimated and true objects alike. Objects without a body are skipped (except in CSV and Parquet) and
-/// counted. Conversions, assumptions and losses are printed.
-#[derive(clap::Args)]
-#[command(
-    verbatim_doc_comment,
-    after_help = "\
+const ABOUT: &str = "Export objects and cameras to other formats";
+
+const LONG_ABOUT: &str = "\
+Export objects and cameras to other formats
+
+Exports estimated and true objects alike. Objects without a body are skipped (except in CSV and Parquet) and counted.
+Conversions, assumptions and losses are printed.";
+
+const AFTER: &str = "\
 Examples:
   quadlift export ply objects.json -o objects.ply
   quadlift export glb objects.json -o objects.glb --enclosing
   quadlift export csv objects.json -o objects.csv --views residuals.csv
-  quadlift export parquet objects.json -o objects/
   quadlift export kitti objects.json -o 0001.txt --calib training/calib/0001.txt
-  quadlift export bop objects.json -o results.csv --scene-id 5
-  quadlift export boxer objects.json -o boxer_3dbbs.csv --only-detected
-  quadlift export coco objects.json -o annotations.json
   quadlift export geojson objects.json -o objects.geojson --origin 48.2,16.37,170
-  quadlift export tum objects.json -o trajectory.txt
   quadlift export colmap objects.json -o sparse/
-  quadlift export mcap objects.json -o objects.mcap
-  quadlift export ros objects.json -o detections.json --frame-id map
   quadlift export rerun scene.json objects.json -o recording/
 
-Exit codes: 0 the file was written; 1 a file could not be read or written, or there was nothing to write; 2 wrong usage."
-)]
-pub struct Args {
-    #[command(subcommand)]
-    format: Format,
+Exit codes: 0 the file was written; 1 a file could not be read or written, or there was nothing to write; 2 wrong usage.";
+
+/// A format and its output.
+pub enum Args {
+    /// A row of the table.
+    Of(&'static ExportFormat, Common, Given<WriteOptions>),
+    /// Parquet.
+    Tables(Common),
+    /// Rerun.
+    Rerun(rerun::Args),
 }
 
 /// Options of every format.
@@ -62,28 +60,94 @@ pub struct Common {
     output: PathBuf,
 }
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
-    match &args.format {
-        Format::Tum { common, camera } => cameras::tum(common, camera.as_deref(), out),
-        Format::Colmap { common } => cameras::colmap(common, out),
-        Format::Parquet { common } => tables::run(common, out),
-        Format::Rerun(args) => rerun::run(args, out),
-        Format::Csv { common, views } => {
-            let paths: Vec<&Path> =
-                [Some(&common.output), views.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
-            let file = read(common, &paths)?;
-            let objects = objects_csv(&file).map_err(|error| error.in_file(&common.scene))?;
-            finish(out, &[objects, views_csv(&file)], &paths, &[])
+impl clap::Args for Args {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        let of_table = EXPORTS.iter().map(|format| {
+            let command = Common::augment_args(clap::Command::new(format.name));
+            let options = arguments(WRITE, |option| format.options.contains(&option));
+            command.args(options).about(format.about).long_about(None::<&str>)
+        });
+        let tables = Common::augment_args(clap::Command::new("parquet"));
+        let tables = tables.about("Parquet: a folder of tables with the whole scene file").long_about(None::<&str>);
+        let rerun = rerun::Args::augment_args(clap::Command::new("rerun"));
+        let rerun =
+            rerun.about("Rerun: a folder that examples/to_rerun.py logs as a recording").long_about(None::<&str>);
+        let command = command.about(ABOUT).long_about(LONG_ABOUT).after_help(AFTER);
+        command.subcommand_required(true).arg_required_else_help(true).subcommands(of_table.chain([tables, rerun]))
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        Self::augment_args(command)
+    }
+}
+
+impl FromArgMatches for Args {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let missing = || clap::Error::new(ErrorKind::MissingSubcommand);
+        let (name, matches) = matches.subcommand().ok_or_else(missing)?;
+        if let Some(format) = EXPORTS.iter().find(|format| format.name == name) {
+            let given = Given::of(matches, WRITE, |option| format.options.contains(&option));
+            return Ok(Self::Of(format, Common::from_arg_matches(matches)?, given));
         }
-        Format::Bodies(format) => {
-            let common = format.common();
-            let paths = [common.output.as_path()];
+        Ok(match name {
+            "parquet" => Self::Tables(Common::from_arg_matches(matches)?),
+            _ => Self::Rerun(rerun::Args::from_arg_matches(matches)?),
+        })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+    match args {
+        Args::Of(format, common, given) => {
+            let options = WriteOptions { scene: common.scene.clone(), ..given.options() };
+            export(&format.write, common, &options, out)
+        }
+        Args::Tables(common) => tables::run(common, out),
+        Args::Rerun(args) => rerun::run(args, out),
+    }
+}
+
+fn export(writer: &Writer, common: &Common, options: &WriteOptions, out: &Output) -> anyhow::Result<Outcome> {
+    let Common { scene, output } = common;
+    let in_scene = |error: EntryError| error.in_file(scene);
+    match writer {
+        Writer::Bodies(write) => {
+            let paths = [output.as_path()];
             let file = read(common, &paths)?;
-            let scene = CheckedScene::new(&file, format.choice()).map_err(|error| error.in_file(&common.scene))?;
-            if scene.bodies() == 0 {
-                bail!("{}: no object has a body: there is nothing to export", common.scene.display());
+            let choice = if options.enclosing { BodyChoice::Enclosing } else { BodyChoice::Tangent };
+            let checked = CheckedScene::new(&file, choice).map_err(in_scene)?;
+            if checked.bodies() == 0 {
+                bail!("{}: no object has a body: there is nothing to export", scene.display());
             }
-            finish(out, &[format.document(&scene)?], &paths, scene.without_body())
+            finish(out, &[write(&checked, options)?], &paths, checked.without_body())
+        }
+        Writer::Tables(write) => {
+            let paths: Vec<&Path> =
+                [Some(output), options.views.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
+            let documents = write(&read(common, &paths)?).map_err(in_scene)?;
+            finish(out, &documents, &paths, &[])
+        }
+        Writer::Cameras(write) => {
+            check_file(output)?;
+            refuse_to_overwrite(scene, output)?;
+            let document = write(&read_scene_file(scene)?, options).map_err(in_scene)?;
+            finish(out, &[document], &[output], &[])
+        }
+        Writer::CameraFolder(names, write) => {
+            let documents = write(&read_scene_file(scene)?).map_err(in_scene)?;
+            std::fs::create_dir_all(output)
+                .with_context(|| format!("{}: the folder cannot be made", output.display()))?;
+            let paths = names.map(|name| output.join(name));
+            for path in &paths {
+                check_file(path)?;
+                refuse_to_overwrite(scene, path)?;
+            }
+            finish(out, &documents, &paths.each_ref().map(PathBuf::as_path), &[])
         }
     }
 }

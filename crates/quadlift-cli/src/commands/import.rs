@@ -1,120 +1,112 @@
-//! `quadlift import`: cameras and poses of other programs become a scene file.
+//! `quadlift import`: files of other programs become a scene file, or detections of one. A subcommand for each format, made
+//! of its row.
 
-pub mod formats;
+mod cameras;
+mod detections;
+pub mod matching;
 pub mod paths;
+pub mod words;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::{Context, bail};
-use quadlift_io::read::Import;
-use quadlift_io::{is_standard_output, write_scene_file};
-use serde_json::json;
+use clap::error::ErrorKind;
+use clap::{Arg, ArgMatches, FromArgMatches, value_parser};
+use quadlift_io::formats;
+use quadlift_io::read::{DetectionFormat, PoseFormat, READ, ReadOptions};
 
 use crate::error::Outcome;
-use crate::files::check_file;
-use crate::next::Next;
 use crate::output::Output;
-use crate::words::count;
+use crate::reading::{Given, arguments};
 
-/// Convert the cameras and poses of another program to a scene file
-///
-/// Axes, transforms, pixel origins, quaternions and units are converted to the conventions of scene files. Conversions and
-/// assumptions are printed and stored in the notes of the scene.
-#[derive(clap::Args)]
-#[command(
-    verbatim_doc_comment,
-    after_help = "\
+const ABOUT: &str = "Convert cameras, poses or detections of another program";
+
+const LONG_ABOUT: &str = "\
+Convert cameras, poses or detections of another program
+
+Cameras and poses become a scene file. Axes, transforms, pixel origins, quaternions and units are converted to the conventions
+of scene files. Detections are added to a scene, --into: their images are matched to its frames by name, number or time. Track
+ids become object ids; without them, `quadlift localize` associates the detections. Existing detections of the scene are kept
+under their own source. Conversions and assumptions are printed and stored in the notes of the scene.";
+
+const AFTER: &str = "\
 Examples:
   quadlift import colmap model/ -o scene.json
-  quadlift import nerfstudio transforms.json -o scene.json
-  quadlift import opensfm reconstruction.json -o scene.json
-  quadlift import arkit capture/ -o scene.json
-  quadlift import tum trajectory.txt --intrinsics camera.txt --image-size 640x480 -o scene.json
   quadlift import kitti training/ --sequence 0001 --frames 90-106 -o scene.json
-  quadlift import kitti-raw 2011_09_26/2011_09_26_drive_0005_sync -o scene.json
-  quadlift import nuscenes data/nuscenes --scene scene-0061 -o scene.json
-  quadlift import bop lm/test/000005 --world-object 5 -o scene.json
-  quadlift import projections projections.csv --image-size 640x480 -o scene.json
-  quadlift import mcap log.mcap -o scene.json
-  quadlift import parquet tables/ -o scene.json
+  quadlift import tum trajectory.txt --intrinsics camera.txt --image-size 640x480 -o scene.json
+  quadlift import yolo runs/detect/predict --into scene.json -o detected.json
+  quadlift import coco results.json --into scene.json -o detected.json --annotations instances.json
+  quadlift import csv boxes.csv --into scene.json -o detected.json --min-score 0.5
 
-Exit codes: 0 success; 1 a file could not be read or written; 2 wrong usage."
-)]
+Exit codes: 0 success; 1 a file could not be read or written, or no image is a frame of the scene; 2 wrong usage.";
+
+/// A format, and what is read and written.
 pub struct Args {
-    #[command(subcommand)]
-    format: formats::Format,
+    path: PathBuf,
+    given: Given<ReadOptions>,
+    format: Format,
 }
 
-/// Options of every format.
-#[derive(clap::Args)]
-pub struct Common {
-    /// Output: the scene file
-    #[arg(short, long, value_name = "SCENE.json")]
-    output: PathBuf,
+enum Format {
+    Cameras(&'static PoseFormat, cameras::CameraArgs),
+    Detections(&'static DetectionFormat, detections::DetectionArgs),
+}
 
-    /// Folder of the images (default: that of the format)
-    #[arg(long, value_name = "DIR")]
-    images: Option<PathBuf>,
+/// Whether a format of detections takes an option; that of time is for matching.
+fn takes(format: &DetectionFormat, option: &str) -> bool {
+    option == "time_tolerance" || format.options.contains(&option)
+}
+
+/// The subcommand of a format with the options of its kind and of its reader.
+fn subcommand<A: clap::Args>(name: &'static str, about: &'static str, takes: impl Fn(&str) -> bool) -> clap::Command {
+    let path = Arg::new("path").value_name("PATH").required(true).value_parser(value_parser!(PathBuf));
+    let command = A::augment_args(clap::Command::new(name).arg(path.help("The file or folder")));
+    command.args(arguments(READ, takes)).about(about).long_about(None::<&str>)
+}
+
+impl clap::Args for Args {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        let cameras = formats::poses().map(|format| {
+            let takes = |option: &str| format.options.contains(&option);
+            subcommand::<cameras::CameraArgs>(format.name, format.about, takes)
+        });
+        let detections = formats::detections().map(|format| {
+            subcommand::<detections::DetectionArgs>(format.name, format.about, |option| takes(format, option))
+        });
+        let command = command.about(ABOUT).long_about(LONG_ABOUT).after_help(AFTER);
+        command.subcommand_required(true).arg_required_else_help(true).subcommands(cameras.chain(detections))
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        Self::augment_args(command)
+    }
+}
+
+impl FromArgMatches for Args {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let missing = || clap::Error::new(ErrorKind::MissingSubcommand);
+        let (name, matches) = matches.subcommand().ok_or_else(missing)?;
+        let path = matches.get_one::<PathBuf>("path").ok_or_else(missing)?.clone();
+        if let Some(format) = formats::poses().find(|format| format.name == name) {
+            let given = Given::of(matches, READ, |option| format.options.contains(&option));
+            let format = Format::Cameras(format, cameras::CameraArgs::from_arg_matches(matches)?);
+            return Ok(Self { path, given, format });
+        }
+        let format = formats::detections().find(|format| format.name == name).ok_or_else(missing)?;
+        let given = Given::of(matches, READ, |option| takes(format, option));
+        let format = Format::Detections(format, detections::DetectionArgs::from_arg_matches(matches)?);
+        Ok(Self { path, given, format })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
 }
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
-    let (format, source, common) = args.format.parts();
-    check_file(&common.output)?;
-    let Import { mut scene, image_folder, mut notes } = args.format.read(out)?;
-    let is_scene = args.format.is_scene();
-    if scene.frames.is_empty() && !is_scene {
-        bail!("{}: no frames found; expected cameras with poses", source.display());
+    let options = args.given.options();
+    match &args.format {
+        Format::Cameras(format, rest) => cameras::import(format, &args.path, &options, rest, out),
+        Format::Detections(format, rest) => detections::import(format, &args.path, &options, rest, out),
     }
-    match common.images.as_ref().or(image_folder.as_ref()) {
-        Some(folder) => {
-            let prefix = |folder: &Path| {
-                paths::relative_to_file(folder, &common.output)
-                    .with_context(|| format!("cannot find the folder {}", folder.display()))
-            };
-            // `--images` says where the images are, not the depth images.
-            let of_depths = image_folder.as_ref().map_or(Ok(PathBuf::new()), |folder| prefix(folder))?;
-            paths::prefix_images(&mut scene, &prefix(folder)?, &of_depths);
-        }
-        None if !is_scene && scene.frames.iter().any(|frame| frame.image.is_some()) => {
-            notes.push("the image folder is unknown: set it with --images DIR".to_owned());
-        }
-        None => {}
-    }
-    if !is_scene {
-        if scene.name.is_none() && !is_standard_output(&common.output) {
-            scene.name = common.output.file_stem().map(|name| name.to_string_lossy().into_owned());
-        }
-        scene.notes = Some(format!("Imported from {}: {}.", format, notes.join("; ")));
-    }
-    write_scene_file(&common.output, &scene)?;
-    let (cameras, frames) = (scene.cameras.len(), scene.frames.len());
-    let (detections, objects) = (scene.detections.len(), scene.objects.len());
-    let mut text = format!(
-        "wrote {}: {}, {}, {}, {}\n",
-        common.output.display(),
-        count(cameras, "camera"),
-        count(frames, "frame"),
-        count(detections, "detection"),
-        count(objects, if is_scene { "object" } else { "true object" }),
-    );
-    notes.iter().for_each(|note| text.push_str(&format!("- {}\n", crate::output::one_line(note))));
-    let path = common.output.as_path();
-    let next = match detections {
-        0 => Next::default()
-            .command(["import-detections --help".into()], "list the detection formats")
-            .command(["view".into(), path.into()], "look at the cameras"),
-        _ => Next::default()
-            .command(["info".into(), path.into()], "summarise and check the scene")
-            .command(["localize".into(), path.into(), "-o objects.json".into()], "localise the objects"),
-    };
-    out.report(&(text + &next.text()))?;
-    out.document(&json!({
-        "output": common.output.display().to_string(),
-        "cameras": cameras,
-        "frames": frames,
-        "detections": detections,
-        "true_objects": objects,
-        "notes": notes,
-    }))?;
-    Ok(Outcome::Fine)
 }

@@ -8,17 +8,16 @@ mod one_scene;
 use std::path::{Path, PathBuf};
 
 use quadlift_io::correct::RecordCorrection;
-use quadlift_io::detect::is_mcap;
-use quadlift_io::mcap::read_mcap;
+use quadlift_io::mcap::{self, is_mcap};
 use quadlift_io::run::FileInput;
 use quadlift_io::scene_file::Detail;
 use quadlift_io::{ReadError, SceneFile};
 use serde_json::json;
 
+use crate::commands::import::words::tell_problems;
 use crate::corrections::{DetectionPixels, read_input};
-use crate::error::{InconsistentError, Outcome, in_words, usage};
+use crate::error::{InconsistentError, Outcome, in_words};
 use crate::files::{check_file, check_result_name, expand, outputs};
-use crate::logs::tell_problems;
 use crate::next::{Next, Word};
 use crate::output::{Output, one_line};
 use crate::report::{check_report, report_paths};
@@ -41,14 +40,13 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         output.map_or(Ok(()), check_file)?;
         let others: Vec<&Path> = [cameras, detections].into_iter().chain(output).collect();
         check_report(args.report.as_ref(), &others)?;
-        let log = (&args.log, &args.keep_going);
         // The base folder of image paths.
         let place = output.or(report);
         // The size of the images and the numbers of the frames are dealt with where detections are added.
         let (pixels, corrections) = DetectionPixels::split(corrections);
         let source = options.run.localize.source.as_deref();
         let input = || {
-            let (file, frame_offset) = args.direct.read([cameras, detections], place, (source, pixels), log, out)?;
+            let (file, frame_offset) = args.direct.read([cameras, detections], place, (source, pixels), out)?;
             let mut input = FileInput::from_file(file, place.unwrap_or(Path::new("")), &corrections)
                 .map_err(|error| ReadError { path: detections.to_owned(), ..error })?;
             let measured_at = pixels.image_size.map(RecordCorrection::ImageSize);
@@ -69,7 +67,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         return Ok(outcome);
     }
     let inputs = expand(&args.scenes)?;
-    check_log_options(args, &inputs.paths)?;
+    check_read_options(args, &inputs.paths)?;
     let outputs = args.output.as_ref().map(|output| outputs(&inputs, output)).transpose()?;
     let reports =
         args.report.as_ref().map(|report| report_paths(&inputs, report, args.output.as_deref())).transpose()?;
@@ -115,31 +113,22 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     Ok(outcome)
 }
 
-/// Refuses options of logs where no scene is one.
-fn check_log_options(args: &Args, paths: &[PathBuf]) -> anyhow::Result<()> {
-    if paths.iter().any(|path| is_mcap(path)) {
-        return Ok(());
-    }
-    if let Some(option) = args.direct.first_given() {
-        return usage(format!("{option} is an option of --cameras and of logs in MCAP; neither is given"));
-    }
-    match args.log.first_given().or(args.keep_going.keep_going.then_some("--keep-going")) {
-        Some(option) => usage(format!("{option} is an option of logs in MCAP; none is given")),
-        None => Ok(()),
-    }
+/// Refuses options of readers that have no effect on scene files, and on logs if there are any.
+fn check_read_options(args: &Args, paths: &[PathBuf]) -> anyhow::Result<()> {
+    let of_logs = Some(mcap::FORMAT.options).filter(|_| paths.iter().any(|path| is_mcap(path)));
+    args.direct.given().check(&[of_logs.unwrap_or_default()], "--cameras is not given")
 }
 
 /// The scene in a log; what was read is reported.
 fn read_log(args: &Args, path: &Path, out: &Output) -> anyhow::Result<SceneFile> {
-    let (time_tolerance, pixels) = args.direct.log_options();
-    let found = read_mcap(path, args.log.options(time_tolerance, pixels, args.keep_going.keep_going))?;
-    let scene = &found.import.scene;
-    let (frames, detections) = (count(scene.frames.len(), "frame"), count(scene.detections.len(), "detection"));
+    let import = (mcap::FORMAT.read)(path, &args.direct.given().options())?;
+    let (frames, detections) = (import.scene.frames.len(), import.scene.detections.len());
+    let (frames, detections) = (count(frames, "frame"), count(detections, "detection"));
     let mut text = format!("{}: mcap, {frames}, {detections}\n", path.display());
-    found.import.notes.iter().for_each(|note| text.push_str(&format!("- {}\n", one_line(note))));
+    import.notes.iter().for_each(|note| text.push_str(&format!("- {}\n", one_line(note))));
     out.report(&format!("{text}\n"))?;
-    tell_problems(&found, out);
-    Ok(found.import.scene)
+    tell_problems(&import, out);
+    Ok(import.scene)
 }
 
 /// Suggested next commands for the result.

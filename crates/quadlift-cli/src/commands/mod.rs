@@ -8,7 +8,6 @@ pub mod demo;
 pub mod evaluate;
 pub mod export;
 pub mod import;
-pub mod import_detections;
 pub mod info;
 pub mod localize;
 pub mod locate;

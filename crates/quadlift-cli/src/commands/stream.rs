@@ -11,22 +11,21 @@ use clap::builder::RangedU64ValueParser;
 use quadlift::online::OnlineOptions;
 use quadlift::run::{AssociateWhen, RunOptions};
 use quadlift::solve::PoseNoise;
-use quadlift_io::detect::is_mcap;
 use quadlift_io::guard::{allow_overwriting, check_not_read};
 use quadlift_io::mcap::McapOptions;
+use quadlift_io::mcap::is_mcap;
 use quadlift_io::run::FileOptions;
 use quadlift_io::stream::{StoredPriors, lasting_options};
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
-use crate::args::{self, DetailName};
-use crate::commands::import::formats::Pixels;
+use crate::args::DetailName;
 use crate::error::{Outcome, usage};
 use crate::files::{check_file, check_result_name};
 use crate::localization::{file_options, prior_source};
-use crate::logs::LogArgs;
 use crate::next::Next;
 use crate::options::{Chosen, Stream, StreamMap};
 use crate::output::Output;
+use crate::reading::{self, Reading};
 use crate::report::check_report;
 use crate::threads;
 use map_file::MapFiles;
@@ -117,15 +116,7 @@ pub struct Args {
     threads: Option<usize>,
 
     #[command(flatten)]
-    log: LogArgs,
-
-    /// Logs in MCAP: maximum time between an image and the nearest transform before the first or after the last one, in
-    /// seconds [default: 0.02]
-    #[arg(long, value_name = "SECONDS", value_parser = args::positive, help_heading = "Logs in MCAP")]
-    time_tolerance: Option<f64>,
-
-    #[command(flatten)]
-    pixels: Pixels,
+    log: Reading<reading::Stream>,
 }
 
 impl Args {
@@ -151,15 +142,12 @@ impl Args {
 
     /// How a log is read. Refuses options of logs if the input is none.
     fn log_options(&self) -> anyhow::Result<McapOptions> {
-        let given = [("--time-tolerance", self.time_tolerance.is_some()), ("--pixel-centers", self.pixels.is_given())];
-        let given = given.into_iter().find(|(_, is_given)| *is_given).map(|(name, _)| name);
-        if let Some(option) = self.log.first_given().or(given)
+        if let Some(option) = self.log.given.first_except(&[])
             && !self.input().is_some_and(is_mcap)
         {
             return usage(format!("{option} is an option of logs in MCAP; the input is none"));
         }
-        let tolerance = self.time_tolerance.unwrap_or(McapOptions::default().time_tolerance);
-        Ok(self.log.options(tolerance, &self.pixels, true))
+        Ok(McapOptions { keep_going: true, ..McapOptions::from(&self.log.given.options()) })
     }
 
     /// The options of the map.
@@ -175,7 +163,13 @@ impl Args {
     fn lasting_options(&self, map_options: &OnlineOptions, pose_noise: Option<PoseNoise>) -> Map<String, Value> {
         let priors = self.priors.as_ref().map(|path| StoredPriors::Name(path.display().to_string()));
         let mut options = lasting_options(map_options, priors.as_ref(), pose_noise, self.source.as_deref());
-        options.extend(self.log.lasting());
+        let log = self.log.given.options();
+        options.extend([
+            ("topics".to_owned(), json!(Some(log.topics).filter(|topics| !topics.is_empty()))),
+            ("world_frame".to_owned(), json!(log.world_frame)),
+            ("camera_frame".to_owned(), json!(log.camera_frame)),
+            ("rectified".to_owned(), json!(log.rectified.then_some(true))),
+        ]);
         options
     }
 

@@ -377,7 +377,7 @@ fn images() -> Vec<Case> {
         called("an unknown key of --assume", 2, "localize scene.json --assume pose=opengl"),
         called("an unknown value of a key", 2, "localize scene.json --assume boxes=xyhw"),
         called("a key twice", 2, "localize scene.json --assume boxes=xywh,boxes=yxyx"),
-        called("a key of a scene", 2, "import-detections mot mot.txt scene.json -o out.json --assume poses=opengl"),
+        called("a key of a scene", 2, "import mot mot.txt --into scene.json -o out.json --assume poses=opengl"),
         called("rendered images that are too small", 2, "synth --render -o out.json --image-size 8x8"),
         called("ellipse noise on rendered scenes", 2, "synth --render -o out.json --noise re:45"),
     ]
@@ -394,10 +394,10 @@ fn detections() -> Vec<Case> {
         }),
         ..called(title, 1, arguments)
     };
-    const COCO: &str = "import-detections coco coco.json scene.json -o out.json";
-    const MOT: &str = "import-detections mot mot.txt scene.json -o out.json";
-    const YOLO: &str = "import-detections yolo labels scene.json -o out.json";
-    const CSV: &str = "import-detections csv boxes.csv scene.json -o out.json";
+    const COCO: &str = "import coco coco.json --into scene.json -o out.json";
+    const MOT: &str = "import mot mot.txt --into scene.json -o out.json";
+    const YOLO: &str = "import yolo labels --into scene.json -o out.json";
+    const CSV: &str = "import csv boxes.csv --into scene.json -o out.json";
     let label = "labels/000001.txt";
     let usage = |case: Case| Case { code: 2, ..case };
     vec![
@@ -437,19 +437,14 @@ fn detections() -> Vec<Case> {
         file("a folder without label files", YOLO, "labels/a.md", ""),
         file(
             "names that are not in the YAML file",
-            "import-detections yolo labels scene.json -o out.json --names data.yaml",
+            "import yolo labels --into scene.json -o out.json --names data.yaml",
             "data.yaml",
             "nc: 2\n",
         ),
-        file(
-            "a LabelMe file without shapes",
-            "import-detections labelme a.json scene.json -o out.json",
-            "a.json",
-            "{}",
-        ),
+        file("a LabelMe file without shapes", "import labelme a.json --into scene.json -o out.json", "a.json", "{}"),
         file(
             "a Pascal VOC box without a corner",
-            "import-detections voc a.xml scene.json -o out.json",
+            "import voc a.xml --into scene.json -o out.json",
             "a.xml",
             "<annotation>\n<object><name>cup</name><bndbox><xmin>5</xmin></bndbox></object></annotation>\n",
         ),
@@ -484,7 +479,7 @@ fn detections() -> Vec<Case> {
         },
         Case {
             title: "a scene of nuScenes that does not exist",
-            arguments: "import nuscenes . --scene scene-0062 -o out.json",
+            arguments: "import nuscenes . --sequence scene-0062 -o out.json",
             code: 1,
             make: Box::new(|folder| {
                 for table in ["scene", "sample", "sensor", "calibrated_sensor", "sample_data", "ego_pose"] {
@@ -495,25 +490,25 @@ fn detections() -> Vec<Case> {
         },
         file(
             "a CVAT box without a corner",
-            "import-detections cvat a.xml scene.json -o out.json",
+            "import cvat a.xml --into scene.json -o out.json",
             "a.xml",
             "<annotations>\n<image name=\"a\" width=\"4\" height=\"4\"><box label=\"cup\" xtl=\"5\"/></image></annotations>\n",
         ),
         file(
             "a CVAT file that defines entities",
-            "import-detections cvat a.xml scene.json -o out.json",
+            "import cvat a.xml --into scene.json -o out.json",
             "a.xml",
             "<!DOCTYPE annotations [<!ENTITY a \"aaaa\">]>\n<annotations>&a;</annotations>\n",
         ),
         file(
             "a task of Label Studio without an image",
-            "import-detections label-studio a.json scene.json -o out.json",
+            "import label-studio a.json --into scene.json -o out.json",
             "a.json",
             r#"[{"data": {"text": "hello"}, "annotations": []}]"#,
         ),
         file(
             "a KITTI label that is cut off",
-            "import-detections kitti a.txt scene.json -o out.json",
+            "import kitti-labels a.txt --into scene.json -o out.json",
             "a.txt",
             "0 1 Car 0 0\n",
         ),

@@ -37,45 +37,68 @@ fn blocks(page: &str) -> Vec<(&str, String)> {
     blocks
 }
 
+/// The parts of a page whose files and commands belong together: of a page of formats the sections that have commands, each
+/// after the beginning of the page, of other pages all.
+fn parts(path: &Path, page: &str) -> Vec<String> {
+    let mut sections = page.split("\n## ");
+    let start = sections.next().unwrap_or_default();
+    let rest: Vec<&str> = sections.filter(|section| section.contains("\n```sh\n")).collect();
+    if path.parent().is_some_and(|folder| folder.ends_with("formats")) && !rest.is_empty() {
+        rest.iter().map(|section| format!("{start}\n## {section}")).collect()
+    } else {
+        vec![page.to_owned()]
+    }
+}
+
 /// A block such as "```json cup.json" is the file cup.json; in "```sh" the lines that begin with "quadlift" are run.
 #[test]
 fn files_and_commands_work_as_shown() {
     let (mut files, mut commands) = (0, 0);
     for (path, page) in pages() {
-        let folder = Folder::new();
-        // The files of a page that are too long for its text.
-        let data =
-            path.with_extension("").file_name().unwrap().to_string_lossy().replace("tutorial", "tutorial-colmap-yolo");
-        let data = workspace().join("docs/data").join(data);
-        if data.is_dir() {
-            folder.copy(&data);
-        }
-        for (kind, text) in blocks(&page) {
-            match kind.split_once(' ') {
-                Some(("json", name)) => {
-                    folder.write(name, &text);
-                    folder.succeed(&format!("localize {name}"));
-                    files += 1;
-                }
-                // A file of another program, for the commands below it.
-                Some(("text", name)) => folder.write(name, &text),
-                Some(("toml", name)) => {
-                    folder.write(name, &text);
-                    folder.succeed("synth -o .synthetic.json --objects 2");
-                    folder.succeed(&format!("localize .synthetic.json --priors {name}"));
-                    files += 1;
-                }
-                _ if kind == "sh" => {
-                    for command in text.lines().filter_map(|line| line.strip_prefix("quadlift ")) {
-                        folder.succeed(command);
-                        commands += 1;
-                    }
-                }
-                _ => assert!(!text.contains("quadlift.scene"), "{}: a scene without a name", path.display()),
-            }
+        for part in parts(&path, &page) {
+            let (f, c) = run_as_shown(&path, &part);
+            (files, commands) = (files + f, commands + c);
         }
     }
     assert!(files >= 3 && commands >= 40, "{files} files, {commands} commands");
+}
+
+/// Writes the files of a page and runs its commands; gives the numbers of both.
+fn run_as_shown(path: &Path, page: &str) -> (usize, usize) {
+    let (mut files, mut commands) = (0, 0);
+    let folder = Folder::new();
+    // The files of a page that are too long for its text.
+    let data =
+        path.with_extension("").file_name().unwrap().to_string_lossy().replace("tutorial", "tutorial-colmap-yolo");
+    let data = workspace().join("docs/data").join(data);
+    if data.is_dir() {
+        folder.copy(&data);
+    }
+    for (kind, text) in blocks(page) {
+        match kind.split_once(' ') {
+            Some(("json", name)) => {
+                folder.write(name, &text);
+                folder.succeed(&format!("localize {name}"));
+                files += 1;
+            }
+            // A file of another program, for the commands below it.
+            Some(("text", name)) => folder.write(name, &text),
+            Some(("toml", name)) => {
+                folder.write(name, &text);
+                folder.succeed("synth -o .synthetic.json --objects 2");
+                folder.succeed(&format!("localize .synthetic.json --priors {name}"));
+                files += 1;
+            }
+            _ if kind == "sh" => {
+                for command in text.lines().filter_map(|line| line.strip_prefix("quadlift ")) {
+                    folder.succeed(command);
+                    commands += 1;
+                }
+            }
+            _ => assert!(!text.contains("quadlift.scene"), "{}: a scene without a name", path.display()),
+        }
+    }
+    (files, commands)
 }
 
 #[test]

@@ -76,7 +76,7 @@ fn points_of_a_colmap_model_are_shown_in_the_page() {
         assert!(data["points"].to_string().len() < 900 * 9, "{page}");
     }
     // In millimetres everything is a thousand times as large.
-    folder.succeed("import-detections yolo labels scene.json -o detected.json");
+    folder.succeed("import yolo labels --into scene.json -o detected.json");
     folder.succeed("localize detected.json -o metres.json --assume pose_unit=mm --accept-inconsistent");
     let first = |name: &str| folder.json(name)["points"][0][0].as_f64().unwrap();
     assert!((first("metres.json") / first("scene.json") - 1e-3).abs() < 1e-12);

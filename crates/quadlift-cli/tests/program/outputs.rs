@@ -99,8 +99,8 @@ fn files_that_a_run_reads_or_that_its_scene_names_are_not_overwritten() {
     }
     // What is meant to be changed in place.
     folder.write("boxes.csv", "image,x1,y1,x2,y2,label\n000000,10,10,60,60,car\n");
-    folder.succeed("import-detections csv boxes.csv scene.json -o scene.json");
-    let run = folder.run("import-detections csv boxes.csv scene.json -o boxes.csv");
+    folder.succeed("import csv boxes.csv --into scene.json -o scene.json");
+    let run = folder.run("import csv boxes.csv --into scene.json -o boxes.csv");
     assert!(run.code == 2 && run.stderr.contains("which is an input"), "{}", run.stderr);
 }
 

@@ -178,7 +178,7 @@ fn the_tutorial_with_photographs_is_true() {
     let folder = Folder::new();
     folder.succeed("demo --out desk");
     folder.succeed("import colmap desk/sparse/0 --images desk/images -o scene.json");
-    folder.succeed("import-detections yolo desk/labels scene.json -o detected.json");
+    folder.succeed("import yolo desk/labels --into scene.json -o detected.json");
     let text = folder.succeed("localize detected.json -o objects.json --up z --report objects.html");
     assert!(text.contains("183 detections assigned to 13 objects; 18 unassigned"), "{text}");
     let page = data(&folder.read("objects.html"));

@@ -39,7 +39,7 @@ use self::scan::{Overview, ScanError, scan};
 use crate::error::ReadError;
 use crate::guard::note_read;
 use crate::input::{check_readable, read_error};
-use crate::read::{Import, PixelCenters};
+use crate::read::{Format, Import, PixelCenters, PoseFormat, Probe, ReadOptions};
 use crate::scene_file::{DetectionRecord, SceneFile};
 use crate::stream::AboutRecord;
 use crate::wording::count;
@@ -85,6 +85,53 @@ impl Default for McapOptions {
             keep_going: false,
             without_detections: false,
             image_folder: None,
+        }
+    }
+}
+
+/// The bytes at the beginning of a log.
+const START: &[u8] = b"\x89MCAP";
+
+/// The row of this format.
+pub const FORMAT: PoseFormat = Format {
+    name: "mcap",
+    title: "a log in MCAP",
+    about: "A log in MCAP, of ROS 2 or Foxglove: cameras, transforms and 2D detections",
+    looks: "logs in MCAP",
+    options: &[
+        "topics",
+        "world_frame",
+        "camera_frame",
+        "max_gap",
+        "rectified",
+        "keep_going",
+        "time_tolerance",
+        "write_images",
+        "pixel_centers",
+    ],
+    finds: |probe| probe.when(probe.begins_with(START)),
+    read: |path, options| read_mcap(path, McapOptions::from(options)),
+};
+
+/// Whether a file begins as logs in MCAP do.
+pub fn is_mcap(path: &Path) -> bool {
+    Probe::new(path).begins_with(START)
+}
+
+impl From<&ReadOptions> for McapOptions {
+    fn from(options: &ReadOptions) -> Self {
+        let default = Self::default();
+        Self {
+            topics: options.topics.clone(),
+            world_frame: options.world_frame.clone(),
+            camera_frame: options.camera_frame.clone(),
+            time_tolerance: options.time_tolerance.unwrap_or(default.time_tolerance),
+            longest_gap: options.max_gap.unwrap_or(default.longest_gap),
+            rectified: options.rectified,
+            pixel_centers: options.pixel_centers,
+            keep_going: options.keep_going,
+            without_detections: options.detections.is_some(),
+            image_folder: options.write_images.clone(),
         }
     }
 }
@@ -253,23 +300,12 @@ fn kind_in_words(kind: Kind) -> &'static str {
     }
 }
 
-/// A log as a scene.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct McapImport {
-    /// The scene with its notes.
-    pub import: Import,
-    /// What was left out, at most a thousand.
-    pub problems: Vec<String>,
-    /// How often something was left out.
-    pub problem_count: usize,
-}
-
 /// Reads a log into a scene: a frame for each image with detections, or for each calibration message if the log has no
 /// detections. Frames are in the order of their times.
 ///
 /// # Errors
 /// As [`McapLog::open`], and if the scene is not valid.
-pub fn read_mcap(path: &Path, options: McapOptions) -> Result<McapImport, ReadError> {
+pub fn read_mcap(path: &Path, options: McapOptions) -> Result<Import, ReadError> {
     to_scene(path, McapLog::open(path, options)?)
 }
 
@@ -277,11 +313,11 @@ pub fn read_mcap(path: &Path, options: McapOptions) -> Result<McapImport, ReadEr
 ///
 /// # Errors
 /// As [`read_mcap`].
-pub fn parse_mcap(path: &Path, bytes: Vec<u8>, options: McapOptions) -> Result<McapImport, ReadError> {
+pub fn parse_mcap(path: &Path, bytes: Vec<u8>, options: McapOptions) -> Result<Import, ReadError> {
     to_scene(path, McapLog::of(path, bytes, options)?)
 }
 
-fn to_scene<S: Source>(path: &Path, log: McapLog<S>) -> Result<McapImport, ReadError> {
+fn to_scene<S: Source>(path: &Path, log: McapLog<S>) -> Result<Import, ReadError> {
     let (mut notes, about, keep_going) = (log.notes(), log.about(), log.options.keep_going);
     let image_folder = log.options.image_folder.clone();
     let mut scene =
@@ -340,8 +376,7 @@ fn to_scene<S: Source>(path: &Path, log: McapLog<S>) -> Result<McapImport, ReadE
     if problem_count > 0 {
         notes.push(format!("{} left out", count(problem_count, "problem")));
     }
-    let import = Import { scene, image_folder, notes }.checked(path)?;
-    Ok(McapImport { import, problems, problem_count })
+    Import { scene, image_folder, notes, problems, problem_count, ..Import::default() }.checked(path)
 }
 
 /// The detections of a frame; an id that two of them have is a problem, and the second one loses it.

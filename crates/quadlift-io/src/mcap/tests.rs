@@ -17,7 +17,7 @@ fn scene() -> SceneFile {
     file
 }
 
-fn read(bytes: &[u8], options: McapOptions) -> Result<McapImport, ReadError> {
+fn read(bytes: &[u8], options: McapOptions) -> Result<Import, ReadError> {
     parse_mcap(Path::new("log.mcap"), bytes.to_vec(), options)
 }
 
@@ -29,7 +29,7 @@ fn keep_going() -> McapOptions {
 fn an_exported_scene_is_read_again() {
     let file = scene();
     let found = read(&log_of(&file), McapOptions::default()).unwrap();
-    let again = &found.import.scene;
+    let again = &found.scene;
     assert_eq!(again.cameras[0].params, file.cameras[0].params);
     assert_eq!((again.up, again.length_unit.as_deref()), (Some([0.0, 0.0, 1.0]), Some("m")));
     assert_eq!(again.frames[1].id, "1700000000.500000000");
@@ -44,7 +44,7 @@ fn an_exported_scene_is_read_again() {
         assert_eq!((a.bounding_box, &a.category), (b.bounding_box, &b.category));
     }
     assert_eq!(
-        found.import.notes,
+        found.notes,
         [
             "topics that are used: /cam/camera_info (calibration, 2 messages), /cam/detections (2D detections, 2 messages), \
              /tf (transforms, 2 messages)",
@@ -105,8 +105,8 @@ fn in_three_chunks() -> Vec<u8> {
     writer.finish()
 }
 
-fn times(found: &McapImport) -> Vec<f64> {
-    found.import.scene.frames.iter().map(|frame| frame.time.unwrap()).collect()
+fn times(found: &Import) -> Vec<f64> {
+    found.scene.frames.iter().map(|frame| frame.time.unwrap()).collect()
 }
 
 #[test]
@@ -114,7 +114,7 @@ fn damaged_parts_are_named_and_the_rest_is_used() {
     let good = in_three_chunks();
     let found = read(&good, McapOptions::default()).unwrap();
     assert_eq!(times(&found), [10.0, 11.0, 12.0]);
-    assert_eq!(found.import.scene.detections[0].object.as_deref(), Some("t7"));
+    assert_eq!(found.scene.detections[0].object.as_deref(), Some("t7"));
     let chunks = records(&good, 0x06);
     assert_eq!(chunks.len(), 3);
     let refused = |bytes: &[u8]| read(bytes, McapOptions::default()).unwrap_err().to_string();

@@ -3,15 +3,17 @@
 //! ARKit's world is in metres with y against gravity. Poses are camera-to-world with OpenGL's axes (x right, y up, z backwards)
 //! for the images as they are stored; they become world-to-camera with OpenCV's axes. Formats: Polycam's `polyform` (README,
 //! "Polycam's data format"), `record3d2nerf.py` of instant-ngp and `record3d_utils.py` of nerfstudio; the files of 3D Scanner App
-//! have no public description but programs that read them (see docs/formats/arkit.md).
+//! have no public description but programs that read them (see docs/formats/cameras.md).
 
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix4, Vector3, Vector4};
 use quadlift::geometry::{Camera, CameraModel};
 
-use super::import::{Import, PixelCenters, camera_id};
+use super::format::{Format, PoseFormat};
+use super::import::{Import, camera_id};
 use super::json::{Node, parse_json};
+use super::options::ReadOptions;
 use super::poses::{check_rigid, from_rows, inverse, matrix4, rotation_of, rows};
 use crate::error::ReadError;
 use crate::images::read_image_size;
@@ -55,15 +57,6 @@ pub struct FrameFile<'a> {
     pub bytes: &'a [u8],
 }
 
-/// How a capture is read.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct ArkitOptions {
-    /// Width and height of the images, where neither the files nor the images have them.
-    pub image_size: Option<[f64; 2]>,
-    /// The origin of principal points.
-    pub pixel_centers: PixelCenters,
-}
-
 /// The images of a capture.
 pub struct CaptureImages<'a> {
     /// The name of the image of a frame, by the name without extension.
@@ -72,12 +65,29 @@ pub struct CaptureImages<'a> {
     pub size_of: &'a dyn Fn(&str) -> Option<[f64; 2]>,
 }
 
+/// The row of this format.
+pub(super) const FORMAT: PoseFormat = Format {
+    name: "arkit",
+    title: "an ARKit capture",
+    about: "A capture of an iPhone or iPad (ARKit): Polycam, Record3D or 3D Scanner App",
+    looks: "captures of Polycam, Record3D or 3D Scanner App",
+    options: &["image_size", "pixel_centers"],
+    finds: |probe| {
+        if let Some(folder) = probe.folder() {
+            return probe.when(capture_at(folder).is_some());
+        }
+        let keys = probe.keys()?;
+        probe.when(keys.object_has("poses") && keys.object_has("K"))
+    },
+    read: read_arkit,
+};
+
 /// Reads the folder of a capture, or its `metadata` (Record3D). Frame ids are the names of the images; frames without an image
 /// are left out if others have one.
 ///
 /// # Errors
 /// [`ReadError`] with file and entry, what was found and what was expected.
-pub fn read_arkit(path: &Path, options: &ArkitOptions) -> Result<Import, ReadError> {
+fn read_arkit(path: &Path, options: &ReadOptions) -> Result<Import, ReadError> {
     let Some(capture) = capture_at(path) else {
         let is_archive =
             path.is_file() && path.extension().is_some_and(|extension| extension == "r3d" || extension == "zip");
@@ -152,10 +162,6 @@ fn add_depth_images(scene: &mut SceneFile, folder: &Path) -> usize {
 }
 
 /// Whether there is a capture at a path.
-pub(crate) fn is_capture(path: &Path) -> bool {
-    capture_at(path).is_some()
-}
-
 fn capture_at(path: &Path) -> Option<Capture> {
     let polycam = |base: &Path| {
         let folders = POLYCAM.map(|pair| pair.map(|name| base.join(name)));
@@ -201,11 +207,11 @@ fn contains(bytes: &[u8], text: &str) -> bool {
 ///
 /// # Errors
 /// As [`read_arkit`].
-pub fn parse_polycam(
+fn parse_polycam(
     folder: &Path,
     files: &[FrameFile],
     images: &CaptureImages,
-    options: &ArkitOptions,
+    options: &ReadOptions,
 ) -> Result<Import, ReadError> {
     let mut shots = Vec::new();
     for file in files {
@@ -238,11 +244,11 @@ pub fn parse_polycam(
 ///
 /// # Errors
 /// As [`read_arkit`].
-pub fn parse_scanner(
+fn parse_scanner(
     folder: &Path,
     files: &[FrameFile],
     images: &CaptureImages,
-    options: &ArkitOptions,
+    options: &ReadOptions,
 ) -> Result<Import, ReadError> {
     let mut shots = Vec::new();
     for file in files {
@@ -271,11 +277,11 @@ pub fn parse_scanner(
 ///
 /// # Errors
 /// As [`read_arkit`].
-pub fn parse_record3d(
+fn parse_record3d(
     path: &Path,
     bytes: &[u8],
     images: &CaptureImages,
-    options: &ArkitOptions,
+    options: &ReadOptions,
 ) -> Result<Import, ReadError> {
     let value = parse_json(path, bytes)?;
     let root = Node::root(path, &value);
@@ -350,7 +356,7 @@ fn scene(
     path: &Path,
     shots: Vec<Shot>,
     images: &CaptureImages,
-    options: &ArkitOptions,
+    options: &ReadOptions,
 ) -> Result<Import, ReadError> {
     let mut notes = vec![
         format!("{app}: OpenGL axes and camera-to-world poses were converted"),
@@ -409,7 +415,7 @@ fn scene(
     if scene.cameras.iter().any(|camera| camera.width.is_none()) {
         notes.push("the image sizes are unknown: box edges at the border are not treated as cut off".to_owned());
     }
-    Import { scene, image_folder: None, notes }.checked(path)
+    Import { scene, notes, ..Import::default() }.checked(path)
 }
 
 #[cfg(test)]

@@ -9,8 +9,10 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix3, Matrix4, Vector3};
 
+use super::format::{Format, PoseFormat};
 use super::import::{Import, camera_id};
 use super::json::{Node, parse_json};
+use super::options::ReadOptions;
 use super::poses::{check_rigid, inverse, matrix4, rows};
 use super::static_objects::LabelledObjects;
 use crate::error::ReadError;
@@ -28,17 +30,6 @@ const IMAGES: [(&str, &str); 4] = [("rgb", "png"), ("rgb", "jpg"), ("gray", "png
 /// Number of parent folders in which the files of the data set are searched.
 const LEVELS: usize = 4;
 
-/// Options that a scene does not contain.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct BopOptions {
-    /// Number of the object whose model frame is the world. Needed unless `scene_camera.json` has poses.
-    pub world_object: Option<u64>,
-    /// `models_info.json`; if absent, searched for in `models` of the parent folders.
-    pub models_info: Option<PathBuf>,
-    /// Width and height in pixels; from `camera.json` of the folders above or from the images when absent.
-    pub image_size: Option<[f64; 2]>,
-}
-
 /// The files of a scene with their paths, which serve for messages.
 #[derive(Debug, Clone, Copy)]
 pub struct BopFiles<'a> {
@@ -52,19 +43,35 @@ pub struct BopFiles<'a> {
     pub models: Option<(&'a Path, &'a [u8])>,
 }
 
+/// The row of this format.
+pub(super) const FORMAT: PoseFormat = Format {
+    name: "bop",
+    title: "BOP",
+    about: "A scene of a BOP data set",
+    looks: "BOP (scene_camera.json)",
+    options: &["world_object", "models", "image_size"],
+    finds: |probe| {
+        if probe.is_named(&["scene_camera.json"]) && probe.keys()?.are_of_object() {
+            return Ok(Some(probe.path().parent().unwrap_or(Path::new("")).to_owned()));
+        }
+        probe.when(probe.has("scene_camera.json"))
+    },
+    read: read_bop,
+};
+
 /// Reads the scene in a folder such as `test/000002`. The boxes of `scene_gt_info.json` become detections of the sources
 /// `bbox_obj` (of the whole object) and `bbox_visib` (of what is visible), the models' boxes the true objects.
 ///
 /// # Errors
 /// [`ReadError`] with the entry, what was found and what was expected.
-pub fn read_bop(folder: &Path, options: &BopOptions) -> Result<Import, ReadError> {
+fn read_bop(folder: &Path, options: &ReadOptions) -> Result<Import, ReadError> {
     let above: Vec<&Path> = folder.ancestors().take(LEVELS).collect();
     let find_above = |name: &str| above.iter().map(|folder| folder.join(name)).find(|path| path.is_file());
     let in_folder = |name: &str| Some(folder.join(name)).filter(|path| path.is_file());
     let camera = OwnedFile::read(folder.join("scene_camera.json"))?;
     let ground_truth = in_folder("scene_gt.json").map(OwnedFile::read).transpose()?;
     let info = in_folder("scene_gt_info.json").map(OwnedFile::read).transpose()?;
-    let models = options.models_info.clone().or_else(|| find_above("models/models_info.json"));
+    let models = options.models.clone().or_else(|| find_above("models/models_info.json"));
     let models = models.map(OwnedFile::read).transpose()?;
     let image_size = match (options.image_size, find_above("camera.json")) {
         (Some(size), _) => Some(size),
@@ -138,11 +145,7 @@ fn add_images(import: &mut Import, folder: &Path) {
 ///
 /// # Errors
 /// As [`read_bop`].
-pub fn parse_bop(
-    files: BopFiles,
-    world_object: Option<u64>,
-    image_size: Option<[f64; 2]>,
-) -> Result<Import, ReadError> {
+fn parse_bop(files: BopFiles, world_object: Option<u64>, image_size: Option<[f64; 2]>) -> Result<Import, ReadError> {
     let cameras = parse_json(files.camera.0, files.camera.1)?;
     let cameras = by_number(&Node::root(files.camera.0, &cameras))?;
     let poses = files.ground_truth.map(|(path, bytes)| object_poses(path, bytes)).transpose()?.unwrap_or_default();
@@ -207,7 +210,7 @@ pub fn parse_bop(
         }
         scene.objects = still;
     }
-    Import { scene, image_folder: None, notes }.checked(files.camera.0)
+    Import { scene, notes, ..Import::default() }.checked(files.camera.0)
 }
 
 /// The members of an object whose keys are numbers, in their order.

@@ -9,12 +9,13 @@ mod points;
 mod rigs;
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::Vector3;
 use quadlift::geometry::CameraModel;
 
 use super::bytes::Bytes;
+use super::format::{Format, PoseFormat};
 use super::import::Import;
 use super::poses::{matrix4, rotation_of, rows};
 use super::text::{Fields, Line, lines};
@@ -34,13 +35,29 @@ const IMAGE_FOLDERS: [&str; 3] = ["images", "../images", "../../images"];
 /// A file with its bytes.
 pub type File<'a> = (&'a Path, &'a [u8]);
 
+/// The row of this format.
+pub(super) const FORMAT: PoseFormat = Format {
+    name: "colmap",
+    title: "COLMAP",
+    about: "A COLMAP model, text or binary",
+    looks: "a COLMAP model (cameras.bin or cameras.txt)",
+    options: &["points"],
+    finds: |probe| {
+        if probe.is_named(&["cameras.bin", "cameras.txt", "images.bin", "images.txt"]) {
+            return Ok(Some(probe.path().parent().unwrap_or(Path::new("")).to_owned()));
+        }
+        probe.when(probe.folder().is_some_and(|folder| !Place::all_in(folder).is_empty()))
+    },
+    read: |path, options| read_colmap(path, options.points.unwrap_or(DEFAULT_POINTS)),
+};
+
 /// Reads the model in a folder, or in its `sparse` or `sparse/0`; of several (`sparse/1`, ...) the one with most images. Frames have the
 /// names of the images as their ids, and are sorted by them. Of the sparse points at most `most_points` are kept, evenly
 /// spread; with 0 their file is not read, and it may be missing. Images of one frame of a rig have its id as `rig_frame`.
 ///
 /// # Errors
 /// [`ReadError`] with line or byte, what was found and what was expected.
-pub fn read_colmap(folder: &Path, most_points: usize) -> Result<Import, ReadError> {
+fn read_colmap(folder: &Path, most_points: usize) -> Result<Import, ReadError> {
     match Place::all_in(folder).as_slice() {
         [] => Err(ReadError::new(
             folder,
@@ -68,11 +85,6 @@ fn read_largest(folder: &Path, models: &[Place], most_points: usize) -> Result<I
         names[largest]
     ));
     Ok(import)
-}
-
-/// Whether a folder has a model where [`read_colmap`] looks for it.
-pub(crate) fn is_model(folder: &Path) -> bool {
-    !Place::all_in(folder).is_empty()
 }
 
 /// Reads a model.
@@ -112,7 +124,7 @@ pub(super) fn evenly_spread(all: Vec<(u64, [f64; 3])>, most: usize) -> Vec<[f64;
 ///
 /// # Errors
 /// As [`read_colmap`].
-pub fn parse_text(
+fn parse_text(
     [cameras, images, points]: [File; 3],
     rigs: Option<[File; 2]>,
     most_points: usize,
@@ -185,7 +197,7 @@ fn is_points(line: &Line) -> Result<bool, ReadError> {
 ///
 /// # Errors
 /// As [`read_colmap`].
-pub fn parse_binary(
+fn parse_binary(
     [cameras, images, points]: [File; 3],
     rigs: Option<[File; 2]>,
     most_points: usize,
@@ -350,7 +362,7 @@ impl Model {
             frames: self.frames.into_values().collect(),
             ..SceneFile::default()
         };
-        Import { scene, image_folder: None::<PathBuf>, notes }.checked(path)
+        Import { scene, notes, ..Import::default() }.checked(path)
     }
 }
 

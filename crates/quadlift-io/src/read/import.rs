@@ -14,6 +14,12 @@ pub struct Import {
     pub image_folder: Option<PathBuf>,
     /// Notes: conversions, assumptions and skipped parts.
     pub notes: Vec<String>,
+    /// Whether the format is another form of the scene file: then nothing is added to the scene.
+    pub is_scene: bool,
+    /// What was left out because it cannot be used, at most a thousand.
+    pub problems: Vec<String>,
+    /// How often something was left out.
+    pub problem_count: usize,
 }
 
 impl Import {

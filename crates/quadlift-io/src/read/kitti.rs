@@ -4,33 +4,21 @@
 //! are those of the left colour camera, `P2`. Labels become detections of the source `label` and, for static objects,
 //! the true objects.
 
-use std::ops::RangeInclusive;
 use std::path::Path;
 
 use nalgebra::Matrix4;
 
+use super::format::{Format, PoseFormat};
 use super::import::{Import, PixelCenters};
 use super::kitti_geometry::{Oxts, calibration, camera_rows, image_size_of, rect_from_world};
 use super::kitti_labels::{KittiLabel, parse_labels};
+use super::options::ReadOptions;
 use super::poses::inverse;
 use super::static_objects::LabelledObjects;
 use super::text::lines;
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{DetectionRecord, FrameRecord, SceneFile};
-
-/// The selected part of a sequence.
-#[derive(Debug, Clone, PartialEq)]
-pub struct KittiOptions {
-    /// Name of the sequence, such as `0001`.
-    pub sequence: String,
-    /// Numbers of the frames, from 0; all of them when absent.
-    pub frames: Option<RangeInclusive<usize>>,
-    /// Width and height in pixels; when absent, those of the day with this focal length.
-    pub image_size: Option<[f64; 2]>,
-    /// Origin of pixel coordinates, which KITTI does not document.
-    pub pixel_centers: PixelCenters,
-}
 
 /// The files of a sequence with their paths, which serve for messages.
 #[derive(Debug, Clone, Copy)]
@@ -43,12 +31,24 @@ pub struct KittiFiles<'a> {
     pub labels: Option<(&'a Path, &'a [u8])>,
 }
 
+/// The row of this format.
+pub(super) const FORMAT: PoseFormat = Format {
+    name: "kitti",
+    title: "KITTI tracking",
+    about: "A sequence of KITTI's tracking benchmark",
+    looks: "KITTI (folders calib and oxts)",
+    options: &["sequence", "frames", "image_size", "pixel_centers"],
+    finds: |probe| probe.when(probe.has("oxts") && probe.has("calib")),
+    read: read_kitti,
+};
+
 /// Reads a sequence from the folder that holds `calib`, `oxts` and `label_02` (as `training` of the benchmark does).
 ///
 /// # Errors
 /// [`ReadError`] with the line, what was found and what was expected.
-pub fn read_kitti(folder: &Path, options: &KittiOptions) -> Result<Import, ReadError> {
-    let file = |kind: &str| folder.join(kind).join(format!("{}.txt", options.sequence));
+fn read_kitti(folder: &Path, options: &ReadOptions) -> Result<Import, ReadError> {
+    let sequence = sequence(folder, options)?;
+    let file = |kind: &str| folder.join(kind).join(format!("{sequence}.txt"));
     let (calib, oxts, labels) = (file("calib"), file("oxts"), file("label_02"));
     let (calib_bytes, oxts_bytes) = (read_bytes(&calib)?, read_bytes(&oxts)?);
     let labels_bytes = if labels.is_file() { Some(read_bytes(&labels)?) } else { None };
@@ -57,13 +57,23 @@ pub fn read_kitti(folder: &Path, options: &KittiOptions) -> Result<Import, ReadE
         oxts: (&oxts, &oxts_bytes),
         labels: labels_bytes.as_ref().map(|bytes| (labels.as_path(), bytes.as_slice())),
     };
-    let mut import = parse_kitti(files, options)?;
-    let images = folder.join("image_02").join(&options.sequence);
+    let mut import = parse_kitti(files, &sequence, options)?;
+    let images = folder.join("image_02").join(&sequence);
     if images.is_dir() {
         import.scene.frames.iter_mut().for_each(|frame| frame.image = Some(format!("{}.png", frame.id)));
         import.image_folder = Some(images);
     }
     Ok(import)
+}
+
+/// The sequence that the options name, or that of the detections.
+fn sequence(folder: &Path, options: &ReadOptions) -> Result<String, ReadError> {
+    let of_detections = options.detections.as_deref().and_then(Path::file_stem);
+    let of_detections = of_detections.map(|stem| stem.to_string_lossy().into_owned());
+    let exists = |name: &String| folder.join("calib").join(format!("{name}.txt")).is_file();
+    options.sequence.clone().or(of_detections.filter(exists)).ok_or_else(|| {
+        ReadError::lacking_option(folder, "the folder holds several KITTI sequences: choose one with --sequence NAME")
+    })
 }
 
 /// From the rectified axes of camera 0, in which labels are written, to those of the left colour camera, in metres: from
@@ -79,7 +89,7 @@ pub fn read_cam_from_rect(path: &Path) -> Result<Matrix4<f64>, ReadError> {
 ///
 /// # Errors
 /// As [`read_kitti`].
-pub fn parse_kitti(files: KittiFiles, options: &KittiOptions) -> Result<Import, ReadError> {
+fn parse_kitti(files: KittiFiles, sequence: &str, options: &ReadOptions) -> Result<Import, ReadError> {
     let calib = calibration(files.calib.0, files.calib.1)?;
     let camera = calib.rectified_camera("P2")?;
     let rect_from_imu = calib.rotation(&["R0_rect", "R_rect"])?
@@ -111,7 +121,7 @@ pub fn parse_kitti(files: KittiFiles, options: &KittiOptions) -> Result<Import, 
         },
     ];
     let mut scene = SceneFile {
-        name: Some(format!("kitti_{}", options.sequence)),
+        name: Some(format!("kitti_{sequence}")),
         length_unit: Some("m".to_owned()),
         up: Some([0.0, -1.0, 0.0]),
         cameras: vec![camera.record(image_size, options.pixel_centers)],
@@ -128,7 +138,7 @@ pub fn parse_kitti(files: KittiFiles, options: &KittiOptions) -> Result<Import, 
     if let Some((path, bytes)) = files.labels {
         add_labels(&mut scene, &parse_labels(path, bytes)?, &poses, first, options.pixel_centers, &mut notes);
     }
-    Import { scene, image_folder: None, notes }.checked(files.calib.0)
+    Import { scene, notes, ..Import::default() }.checked(files.calib.0)
 }
 
 /// The id of a frame by its number, as KITTI names its images.

@@ -5,14 +5,15 @@
 //!
 //! Format: `readme.txt` and `dataformat.txt` of the raw data's devkit; the transforms are those of pykitti.
 
-use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::{Matrix4, Rotation3, Vector3};
 
-use super::import::{Import, PixelCenters};
+use super::format::{Format, PoseFormat};
+use super::import::Import;
 use super::kitti::frame_id;
 use super::kitti_geometry::{Oxts, calibration, camera_rows, rect_from_world};
+use super::options::ReadOptions;
 use super::poses::{inverse, matrix4};
 use super::static_objects::LabelledObjects;
 use super::text::lines;
@@ -21,25 +22,24 @@ use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{FrameRecord, SceneFile};
 
-/// The selected part of a drive.
-#[derive(Debug, Clone, PartialEq)]
-pub struct KittiRawOptions {
-    /// Number of the camera: 0, 1 (grey), 2, 3 (colour).
-    pub camera: u8,
-    /// Numbers of the frames, from 0; all of them when absent.
-    pub frames: Option<RangeInclusive<usize>>,
-    /// Folder of the calibration files; that above the drive when absent.
-    pub calibration: Option<PathBuf>,
-    /// Origin of pixel coordinates, which KITTI does not document.
-    pub pixel_centers: PixelCenters,
-}
+/// The row of this format.
+pub(super) const FORMAT: PoseFormat = Format {
+    name: "kitti-raw",
+    title: "KITTI raw",
+    about: "A drive of KITTI's raw data",
+    looks: "KITTI raw (oxts/data)",
+    options: &["camera", "calibration_folder", "frames", "pixel_centers"],
+    finds: |probe| probe.when(probe.has("oxts/data")),
+    read: read_kitti_raw,
+};
 
 /// Reads a drive from its folder, such as `2011_09_26/2011_09_26_drive_0005_sync`.
 ///
 /// # Errors
 /// [`ReadError`] with the line, what was found and what was expected.
-pub fn read_kitti_raw(drive: &Path, options: &KittiRawOptions) -> Result<Import, ReadError> {
-    let day = match &options.calibration {
+fn read_kitti_raw(drive: &Path, options: &ReadOptions) -> Result<Import, ReadError> {
+    let number = options.camera.unwrap_or(2);
+    let day = match &options.calibration_folder {
         Some(folder) => folder.clone(),
         None => drive.join(".."),
     };
@@ -47,8 +47,8 @@ pub fn read_kitti_raw(drive: &Path, options: &KittiRawOptions) -> Result<Import,
         (day.join("calib_cam_to_cam.txt"), day.join("calib_velo_to_cam.txt"), day.join("calib_imu_to_velo.txt"));
     let (cam_bytes, velo_bytes, imu_bytes) = (read_bytes(&cam_path)?, read_bytes(&velo_path)?, read_bytes(&imu_path)?);
     let calib = calibration(&cam_path, &cam_bytes)?;
-    let camera = calib.rectified_camera(&format!("P_rect_{:02}", options.camera))?;
-    let image_size = calib.numbers::<2>(&[&format!("S_rect_{:02}", options.camera)])?;
+    let camera = calib.rectified_camera(&format!("P_rect_{number:02}"))?;
+    let image_size = calib.numbers::<2>(&[&format!("S_rect_{number:02}")])?;
     let rect_from_velo =
         calib.rotation(&["R_rect_00"])? * calibration(&velo_path, &velo_bytes)?.rotation_and_translation()?;
     let rect_from_imu = rect_from_velo * calibration(&imu_path, &imu_bytes)?.rotation_and_translation()?;
@@ -77,7 +77,7 @@ pub fn read_kitti_raw(drive: &Path, options: &KittiRawOptions) -> Result<Import,
         "world: rectified axes of camera 0 in the first frame; poses from GPS/IMU, which drift".to_owned(),
         options.pixel_centers.note(),
     ];
-    let images = drive.join(format!("image_{:02}/data", options.camera));
+    let images = drive.join(format!("image_{number:02}/data"));
     let has_images = images.is_dir();
     let mut scene = SceneFile {
         name: drive.file_name().map(|name| name.to_string_lossy().into_owned()),
@@ -118,7 +118,7 @@ pub fn read_kitti_raw(drive: &Path, options: &KittiRawOptions) -> Result<Import,
         scene.objects = still;
     }
     let image_folder = has_images.then_some(images);
-    Import { scene, image_folder, notes }.checked(&cam_path)
+    Import { scene, image_folder, notes, ..Import::default() }.checked(&cam_path)
 }
 
 /// The numbers of the frames with GPS/IMU data (some drives lack a few).
@@ -184,7 +184,7 @@ impl Tracklet {
 ///
 /// # Errors
 /// [`ReadError`] with line and column, what was found and what was expected.
-pub fn parse_tracklets(path: &Path, bytes: &[u8]) -> Result<Vec<Tracklet>, ReadError> {
+fn parse_tracklets(path: &Path, bytes: &[u8]) -> Result<Vec<Tracklet>, ReadError> {
     // The files name their type in a DOCTYPE.
     let xml = Xml::parse(path, bytes, "tracklets", DocumentType::Allowed)?;
     xml.child(&xml.root, "tracklets")?.children("item").map(|item| tracklet(&xml, item)).collect()

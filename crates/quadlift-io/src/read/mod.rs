@@ -2,31 +2,53 @@
 //! convention (OpenCV axes, `cam_from_world`, pixels measured from the corner of the image), to which [`detections`] are
 //! added.
 
-pub mod arkit;
-pub mod bop;
+mod arkit;
+mod bop;
 mod bytes;
-pub mod colmap;
+mod colmap;
 pub mod detections;
+mod format;
 mod import;
 pub(crate) mod json;
 pub mod kitti;
 mod kitti_geometry;
 pub(crate) mod kitti_labels;
-pub mod kitti_raw;
-pub mod nerfstudio;
-pub mod nuscenes;
-pub mod opensfm;
+mod kitti_raw;
+mod nerfstudio;
+mod nuscenes;
+mod opensfm;
+mod options;
 pub(crate) mod point_cloud;
 mod poses;
-pub mod projections;
+mod probe;
+mod projections;
 mod static_objects;
 mod text;
-pub mod tum;
+mod tum;
 mod xml;
 
 #[cfg(test)]
 mod real_data_tests;
 
+pub use crate::format_options::FormatOption;
+pub(crate) use format::recognize;
+pub use format::{DetectionFormat, Format, Found, PoseFormat};
 pub use import::{Import, PixelCenters};
+pub use options::{READ, ReadOptions};
 #[cfg(feature = "mcap")]
 pub(crate) use poses::from_rows;
+pub use probe::Probe;
+
+/// The formats of cameras and poses in this folder, in the order of recognition.
+pub(crate) const POSES: &[PoseFormat] = &[
+    colmap::FORMAT,
+    nerfstudio::FORMAT,
+    opensfm::FORMAT,
+    bop::FORMAT,
+    nuscenes::FORMAT,
+    arkit::FORMAT,
+    kitti_raw::FORMAT,
+    kitti::FORMAT,
+    tum::FORMAT,
+    projections::FORMAT,
+];

@@ -10,6 +10,7 @@ use std::path::Path;
 use nalgebra::{Matrix3, Matrix4, Vector3};
 use quadlift::geometry::{Camera, CameraModel};
 
+use super::format::{Format, PoseFormat};
 use super::import::{Import, PixelCenters, camera_id};
 use super::json::{Node, parse_json};
 use super::poses::{check_rigid, from_rows, inverse, rows};
@@ -24,12 +25,26 @@ const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 /// World units of one count of a depth image: nerfstudio's default, millimetres in a world in metres.
 const DEPTH_SCALE: f64 = 0.001;
 
+/// The row of this format.
+pub(super) const FORMAT: PoseFormat = Format {
+    name: "nerfstudio",
+    title: "nerfstudio",
+    about: "nerfstudio's or instant-ngp's transforms.json",
+    looks: "transforms.json",
+    options: &["pixel_centers"],
+    finds: |probe| {
+        let is_file = probe.keys()?.are_of_object() && probe.text()?.contains("\"transform_matrix\"");
+        probe.when(is_file || probe.has("transforms.json"))
+    },
+    read: |path, options| read_nerfstudio(path, options.pixel_centers),
+};
+
 /// Reads `transforms.json`, given as file or folder. Frame ids are the `file_path`s. Missing image sizes are read from
 /// the images, if available.
 ///
 /// # Errors
 /// [`ReadError`] with the entry, what was found and what was expected.
-pub fn read_nerfstudio(path: &Path, pixel_centers: PixelCenters) -> Result<Import, ReadError> {
+fn read_nerfstudio(path: &Path, pixel_centers: PixelCenters) -> Result<Import, ReadError> {
     let file = if path.is_dir() { path.join("transforms.json") } else { path.to_owned() };
     let folder = file.parent().unwrap_or(Path::new("")).to_owned();
     let size_of = |image: &str| {
@@ -47,7 +62,7 @@ pub fn read_nerfstudio(path: &Path, pixel_centers: PixelCenters) -> Result<Impor
 ///
 /// # Errors
 /// As [`read_nerfstudio`].
-pub fn parse_nerfstudio(
+fn parse_nerfstudio(
     path: &Path,
     bytes: &[u8],
     pixel_centers: PixelCenters,
@@ -88,7 +103,7 @@ pub fn parse_nerfstudio(
     if scene.cameras.iter().any(|camera| camera.width.is_none()) {
         notes.push("the image sizes are unknown: box edges at the border are not treated as cut off".to_owned());
     }
-    Import { scene, image_folder: None, notes }.checked(path)
+    Import { scene, notes, ..Import::default() }.checked(path)
 }
 
 /// The depth image of a frame; files that are no images (`.npy`) are left out.

@@ -16,7 +16,9 @@ use quadlift::geometry::CameraModel;
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, Deserializer, SeqAccess, Visitor};
 
+use super::format::{Format, PoseFormat};
 use super::import::{Import, PixelCenters};
+use super::options::ReadOptions;
 use super::poses::{inverse, matrix4, rotation_of, rows};
 use crate::error::ReadError;
 use crate::input::{check_readable, read_error};
@@ -27,21 +29,8 @@ use crate::wording::{count, plain_words, some_of};
 /// The tables, in the order in which they are read.
 const TABLES: [&str; 6] = ["scene", "sample", "sensor", "calibrated_sensor", "sample_data", "ego_pose"];
 
-/// How tables are read.
-#[derive(Debug, Clone, Default)]
-pub struct NuscenesOptions {
-    /// Name of the scene, such as `scene-0061`. It may be missing if there is one scene.
-    pub scene: Option<String>,
-    /// Channels of the cameras, such as `CAM_FRONT`; all cameras if there are none.
-    pub channels: Vec<String>,
-    /// Whether images between the key frames (`sweeps`) are read too.
-    pub sweeps: bool,
-    /// The origin of principal points.
-    pub pixel_centers: PixelCenters,
-}
-
 /// The folder of the tables: the given one, or the only one with tables in it, such as `v1.0-mini`.
-pub(crate) fn tables_in(folder: &Path) -> Option<PathBuf> {
+fn tables_in(folder: &Path) -> Option<PathBuf> {
     let has = |place: &Path| TABLES.iter().all(|table| place.join(format!("{table}.json")).is_file());
     if has(folder) {
         return Some(folder.to_owned());
@@ -51,12 +40,23 @@ pub(crate) fn tables_in(folder: &Path) -> Option<PathBuf> {
     if found.len() == 1 { found.pop() } else { None }
 }
 
+/// The row of this format.
+pub(super) const FORMAT: PoseFormat = Format {
+    name: "nuscenes",
+    title: "nuScenes",
+    about: "A scene of nuScenes, from its tables",
+    looks: "nuScenes (sample_data.json)",
+    options: &["sequence", "channels", "sweeps", "pixel_centers"],
+    finds: |probe| probe.when(probe.folder().is_some_and(|folder| tables_in(folder).is_some())),
+    read: read_nuscenes,
+};
+
 /// Reads the cameras of a scene, from the folder of the data set or of its tables. Frame ids are the names of the image files,
 /// camera ids the channels, times the seconds of the images.
 ///
 /// # Errors
 /// [`ReadError`] with table and row, what was found and what was expected.
-pub fn read_nuscenes(folder: &Path, options: &NuscenesOptions) -> Result<Import, ReadError> {
+fn read_nuscenes(folder: &Path, options: &ReadOptions) -> Result<Import, ReadError> {
     let Some(tables) = tables_in(folder) else {
         let problem = "expected the folder of nuScenes with one version (v1.0-mini or another), or the folder of the tables, with \
                        scene.json, sample.json, sensor.json, calibrated_sensor.json, sample_data.json and ego_pose.json";
@@ -80,7 +80,8 @@ pub fn read_nuscenes(folder: &Path, options: &NuscenesOptions) -> Result<Import,
 ///
 /// # Errors
 /// As [`read_nuscenes`].
-pub fn parse_nuscenes(files: [(&Path, &[u8]); 6], options: &NuscenesOptions) -> Result<Import, ReadError> {
+#[cfg(test)]
+fn parse_nuscenes(files: [(&Path, &[u8]); 6], options: &ReadOptions) -> Result<Import, ReadError> {
     let [scene, sample, sensor, calibrated, data, pose] = files;
     let files = [scene, sample, sensor, calibrated, data, pose];
     let open = |index: usize| Ok(Table { path: files[index].0, reader: Box::new(files[index].1) as Box<dyn Read> });
@@ -209,14 +210,14 @@ struct Image {
 fn read_scene<'a>(
     place: &Path,
     open: &dyn Fn(usize) -> Result<Table<'a>, ReadError>,
-    options: &NuscenesOptions,
+    options: &ReadOptions,
 ) -> Result<Import, ReadError> {
     let mut scenes = Vec::new();
     open(0)?.rows(&mut |row: SceneRow| {
         scenes.push(row);
         Ok(())
     })?;
-    let chosen = match &options.scene {
+    let chosen = match &options.sequence {
         Some(name) => scenes.iter().find(|scene| scene.name == *name),
         None => scenes.first().filter(|_| scenes.len() == 1),
     };
@@ -225,7 +226,7 @@ fn read_scene<'a>(
         let found = format!("{}: {}", count(names.len(), "scene"), some_of(&names));
         return Err(ReadError::new(
             open(0)?.path,
-            match &options.scene {
+            match &options.sequence {
                 Some(name) => format!("there is no scene \"{name}\"; the tables have {found}"),
                 None => format!("choose a scene; the tables have {found}"),
             },
@@ -346,7 +347,7 @@ fn read_scene<'a>(
     if sweeps > 0 {
         notes.push(format!("{} between the key frames left out", count(sweeps, "image")));
     }
-    Import { scene, image_folder: None, notes }.checked(place)
+    Import { scene, notes, ..Import::default() }.checked(place)
 }
 
 fn pose([w, x, y, z]: [f64; 4], translation: [f64; 3]) -> Result<Matrix4<f64>, String> {

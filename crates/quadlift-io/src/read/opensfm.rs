@@ -11,7 +11,8 @@ use nalgebra::{Rotation3, Vector3};
 use quadlift::geometry::{Camera, CameraModel};
 use serde_json::Value;
 
-use super::colmap::evenly_spread;
+use super::colmap::{DEFAULT_POINTS, evenly_spread};
+use super::format::{Format, PoseFormat};
 use super::import::Import;
 use super::json::{Node, parse_json};
 use super::poses::{matrix4, rows};
@@ -24,16 +25,30 @@ use crate::wording::count;
 const FILES: [&str; 2] = ["reconstruction.json", "opensfm/reconstruction.json"];
 
 /// The file in a folder of OpenSfM or OpenDroneMap, if it is there.
-pub(crate) fn file_in(folder: &Path) -> Option<PathBuf> {
+fn file_in(folder: &Path) -> Option<PathBuf> {
     FILES.iter().map(|name| folder.join(name)).find(|path| path.is_file())
 }
+
+/// The row of this format.
+pub(super) const FORMAT: PoseFormat = Format {
+    name: "opensfm",
+    title: "OpenSfM",
+    about: "OpenSfM's or OpenDroneMap's reconstruction.json",
+    looks: "OpenSfM (reconstruction.json)",
+    options: &["points"],
+    finds: |probe| match probe.folder() {
+        Some(folder) => probe.when(file_in(folder).is_some()),
+        None => probe.when(probe.keys()?.list_has("shots")),
+    },
+    read: |path, options| read_opensfm(path, options.points.unwrap_or(DEFAULT_POINTS)),
+};
 
 /// Reads `reconstruction.json`, given as file or folder. Frame ids are the names of the shots, sorted. Of several
 /// reconstructions the one with most shots is read, of its points at most `most_points`, evenly spread.
 ///
 /// # Errors
 /// [`ReadError`] with the entry, what was found and what was expected.
-pub fn read_opensfm(path: &Path, most_points: usize) -> Result<Import, ReadError> {
+fn read_opensfm(path: &Path, most_points: usize) -> Result<Import, ReadError> {
     let file = if path.is_dir() { file_in(path).unwrap_or_else(|| path.join(FILES[0])) } else { path.to_owned() };
     let folder = file.parent().unwrap_or(Path::new(""));
     let bytes = read_bytes(&file)?;
@@ -52,7 +67,7 @@ pub fn read_opensfm(path: &Path, most_points: usize) -> Result<Import, ReadError
 ///
 /// # Errors
 /// As [`read_opensfm`].
-pub fn parse_opensfm(
+fn parse_opensfm(
     path: &Path,
     bytes: &[u8],
     reference: Option<(&Path, &[u8])>,
@@ -118,7 +133,7 @@ pub fn parse_opensfm(
             kept => notes.push(format!("{kept} of {}, evenly spread", count(all, "point"))),
         }
     }
-    Import { scene, image_folder: None, notes }.checked(path)
+    Import { scene, notes, ..Import::default() }.checked(path)
 }
 
 /// The reconstruction with most shots, the first one of equals.

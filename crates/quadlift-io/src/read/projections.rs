@@ -11,6 +11,7 @@ use std::path::Path;
 use quadlift::geometry::rotation_defect;
 use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, Visitor};
 
+use super::format::{Format, PoseFormat};
 use super::import::{Import, PixelCenters};
 use super::json::{Node, parse_json};
 use super::poses::from_rows;
@@ -18,12 +19,26 @@ use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{FrameRecord, SceneFile};
 
+/// The row of this format.
+pub(super) const FORMAT: PoseFormat = Format {
+    name: "projections",
+    title: "projections",
+    about: "A list of 3x4 projections, CSV or JSON",
+    looks: "projections (12 to 16 columns, or JSON)",
+    options: &["image_size", "pixel_centers"],
+    finds: |probe| {
+        let is_row = probe.line()?.is_some_and(|line| line.commas && line.words.len() >= 12);
+        probe.when(is_row || probe.keys()?.are_json())
+    },
+    read: |path, options| read_projections(path, options.image_size, options.pixel_centers),
+};
+
 /// Reads a file of projections: JSON where it begins with a bracket, CSV otherwise. `image_size` is width and height
 /// where the file does not say.
 ///
 /// # Errors
 /// [`ReadError`] with line or entry, what was found and what was expected.
-pub fn read_projections(
+fn read_projections(
     path: &Path,
     image_size: Option<[f64; 2]>,
     pixel_centers: PixelCenters,
@@ -37,7 +52,7 @@ pub fn read_projections(
 ///
 /// # Errors
 /// As [`read_projections`].
-pub fn parse_projections(
+fn parse_projections(
     path: &Path,
     bytes: &[u8],
     image_size: Option<[f64; 2]>,
@@ -70,7 +85,7 @@ pub fn parse_projections(
     if frames.iter().any(|frame| frame.width.is_none()) {
         notes.push("image sizes are unknown: box edges at the border are not treated as cut off".to_owned());
     }
-    Import { scene: SceneFile { frames, ..SceneFile::default() }, image_folder: None, notes }.checked(path)
+    Import { scene: SceneFile { frames, ..SceneFile::default() }, notes, ..Import::default() }.checked(path)
 }
 
 /// Whether a matrix is a rotation and a translation, up to a factor: no camera with pixels has such a projection.

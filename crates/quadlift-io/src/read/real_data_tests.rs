@@ -2,9 +2,7 @@
 
 use std::path::Path;
 
-use super::bop::{BopOptions, read_bop};
-use super::import::PixelCenters;
-use super::kitti::{KittiOptions, read_kitti};
+use super::{ReadOptions, bop, kitti};
 use crate::scene_file::{SceneFile, read_scene_file};
 use crate::test_data::real_data as data;
 
@@ -42,13 +40,9 @@ fn kitti_sequences_have_the_cameras_of_the_ready_scenes() {
     {
         let Some(ready) = data(&format!("scenes/kitti_{scene}_oxts.json")) else { return };
         let ready = read_scene_file(&ready).unwrap();
-        let options = KittiOptions {
-            sequence: sequence.to_owned(),
-            frames: Some(frames),
-            image_size: None,
-            pixel_centers: PixelCenters::Half,
-        };
-        let found = read_kitti(&folder, &options).unwrap();
+        let options =
+            ReadOptions { sequence: Some(sequence.to_owned()), frames: Some(frames), ..ReadOptions::default() };
+        let found = (kitti::FORMAT.read)(&folder, &options).unwrap();
         let difference = compare(&found.scene, &ready);
         println!("kitti {scene}: {difference:.1e}; {:?}", found.notes);
         assert!(difference < 1e-6, "{scene}: {difference:e}");
@@ -80,8 +74,8 @@ fn bop_scenes_have_the_cameras_of_the_ready_scenes() {
     for (id, name) in names {
         let Some(ready) = data(&format!("scenes/accv_{name}.json")) else { return };
         let ready = read_scene_file(&ready).unwrap();
-        let options = BopOptions { world_object: Some(id), ..BopOptions::default() };
-        let found = read_bop(&folder.join(format!("{id:06}")), &options).unwrap();
+        let options = ReadOptions { world_object: Some(id), ..ReadOptions::default() };
+        let found = (bop::FORMAT.read)(&folder.join(format!("{id:06}")), &options).unwrap();
         let difference = compare(&found.scene, &ready);
         println!("bop {name}: {difference:.1e}; {:?}", found.notes);
         assert!(difference < 1e-6, "{name}: {difference:e}");
@@ -90,8 +84,8 @@ fn bop_scenes_have_the_cameras_of_the_ready_scenes() {
         assert!((0..3).all(|i| (a.half_extents[i] - b.half_extents[i]).abs() < 1e-5), "{a:?} {b:?}");
         assert!(found.scene.detections.iter().all(|d| d.object.as_deref() == Some(&format!("obj_{id:06}"))));
     }
-    let error = read_bop(&folder.join("000001"), &BopOptions::default()).unwrap_err();
+    let error = (bop::FORMAT.read)(&folder.join("000001"), &ReadOptions::default()).unwrap_err();
     assert!(error.problem.contains("--world-object ID): 1"), "{error}");
-    let error = read_bop(Path::new("nowhere"), &BopOptions::default()).unwrap_err();
+    let error = (bop::FORMAT.read)(Path::new("nowhere"), &ReadOptions::default()).unwrap_err();
     assert!(error.to_string().contains("there is no such file"), "{error}");
 }

@@ -7,39 +7,46 @@ use nalgebra::Vector3;
 use quadlift::geometry::{Camera, CameraModel};
 
 use super::colmap::camera_fields;
-use super::import::{Import, PixelCenters};
+use super::format::{Format, PoseFormat};
+use super::import::Import;
+use super::options::ReadOptions;
 use super::poses::{inverse, matrix4, rotation_of, rows};
+use super::probe::Words;
 use super::text::{Line, lines};
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
 
-/// Options that a trajectory does not contain.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TumOptions<'a> {
-    /// File with the intrinsics: one line `fx fy cx cy [k1 k2 p1 p2 [k3]]` (OpenCV), or a line of COLMAP's
-    /// `cameras.txt`, with or without its id.
-    pub intrinsics: &'a Path,
-    /// Width and height in pixels, if the intrinsics do not contain them.
-    pub image_size: Option<[f64; 2]>,
-    /// Lines `time name`: then each image gets the pose that is nearest in time. Otherwise each pose is a frame, whose
-    /// id is its time as it is written.
-    pub image_list: Option<&'a Path>,
-    /// Maximum time difference between an image and its pose, in seconds.
-    pub time_tolerance: f64,
-    /// Origin of the pixel coordinates of the intrinsics (known for COLMAP).
-    pub pixel_centers: PixelCenters,
-}
+/// Maximum time difference between an image and its pose, in seconds, by default.
+const TIME_TOLERANCE: f64 = 0.02;
+
+/// The row of this format.
+pub(super) const FORMAT: PoseFormat = Format {
+    name: "tum",
+    title: "a TUM trajectory",
+    about: "A TUM trajectory (lines `time tx ty tz qx qy qz qw`) with an intrinsics file",
+    looks: "a TUM trajectory (lines of 8 numbers)",
+    options: &["intrinsics", "image_list", "time_tolerance", "image_size", "pixel_centers"],
+    finds: |probe| {
+        let is_pose = |line: &Words| !line.commas && line.words.len() == 8 && line.are_numbers();
+        probe.when(probe.line()?.is_some_and(is_pose))
+    },
+    read: read_tum,
+};
 
 /// Reads a trajectory.
 ///
 /// # Errors
 /// [`ReadError`] with the line, what was found and what was expected.
-pub fn read_tum(trajectory: &Path, options: &TumOptions) -> Result<Import, ReadError> {
-    let intrinsics = read_bytes(options.intrinsics)?;
-    let images = options.image_list.map(read_bytes).transpose()?;
-    let mut import = parse_tum((trajectory, &read_bytes(trajectory)?), &intrinsics, images.as_deref(), options)?;
-    import.image_folder = options.image_list.and_then(|list| list.parent()).map(Path::to_owned);
+fn read_tum(trajectory: &Path, options: &ReadOptions) -> Result<Import, ReadError> {
+    let Some(intrinsics) = &options.intrinsics else {
+        let problem = "a TUM trajectory has no intrinsics: set their file with --intrinsics FILE";
+        return Err(ReadError::lacking_option(trajectory, problem));
+    };
+    let intrinsics = (intrinsics.as_path(), &*read_bytes(intrinsics)?);
+    let images = options.image_list.as_deref().map(read_bytes).transpose()?;
+    let mut import = parse_tum((trajectory, &read_bytes(trajectory)?), intrinsics, images.as_deref(), options)?;
+    import.image_folder = options.image_list.as_deref().and_then(Path::parent).map(Path::to_owned);
     Ok(import)
 }
 
@@ -48,15 +55,16 @@ pub fn read_tum(trajectory: &Path, options: &TumOptions) -> Result<Import, ReadE
 ///
 /// # Errors
 /// As [`read_tum`].
-pub fn parse_tum(
+fn parse_tum(
     trajectory: (&Path, &[u8]),
-    intrinsics: &[u8],
+    intrinsics: (&Path, &[u8]),
     images: Option<&[u8]>,
-    options: &TumOptions,
+    options: &ReadOptions,
 ) -> Result<Import, ReadError> {
     let mut notes = vec!["camera-to-world poses were inverted; quaternions are x, y, z, w".to_owned()];
-    let camera = camera(options.intrinsics, intrinsics, options, &mut notes)?;
+    let camera = camera(intrinsics.0, intrinsics.1, options, &mut notes)?;
     let poses = poses(trajectory.0, trajectory.1)?;
+    let tolerance = options.time_tolerance.unwrap_or(TIME_TOLERANCE);
     let mut scene = SceneFile { cameras: vec![camera], ..SceneFile::default() };
     let frame = |id: &str, pose: &Pose| FrameRecord {
         id: id.to_owned(),
@@ -64,7 +72,7 @@ pub fn parse_tum(
         cam_from_world: Some(pose.cam_from_world),
         ..FrameRecord::default()
     };
-    match (options.image_list, images) {
+    match (options.image_list.as_deref(), images) {
         (Some(path), Some(bytes)) => {
             let mut without_pose = 0;
             for line in lines(path, as_utf8(path, bytes)?).filter(|line| !line.is_blank_or_comment()) {
@@ -74,7 +82,7 @@ pub fn parse_tum(
                 if image.is_empty() {
                     return Err(line.error("the line ends after 1 field; expected the name of an image"));
                 }
-                match nearest(&poses, time).filter(|pose| (pose.time - time).abs() <= options.time_tolerance) {
+                match nearest(&poses, time).filter(|pose| (pose.time - time).abs() <= tolerance) {
                     Some(pose) => scene.frames.push(FrameRecord {
                         time: Some(time),
                         image: Some(image.to_owned()),
@@ -83,7 +91,6 @@ pub fn parse_tum(
                     None => without_pose += 1,
                 }
             }
-            let tolerance = options.time_tolerance;
             notes.push(format!(
                 "{} images have a pose within {tolerance} s, {without_pose} have none and were skipped",
                 scene.frames.len()
@@ -96,7 +103,7 @@ pub fn parse_tum(
     if scene.cameras[0].width.is_none() {
         notes.push("the image size is unknown: box edges at the border are not treated as cut off".to_owned());
     }
-    Import { scene, image_folder: None, notes }.checked(trajectory.0)
+    Import { scene, notes, ..Import::default() }.checked(trajectory.0)
 }
 
 /// A line of the trajectory.
@@ -136,7 +143,12 @@ fn nearest(poses: &[Pose], time: f64) -> Option<&Pose> {
     candidates.iter().min_by(|a, b| (a.time - time).abs().total_cmp(&(b.time - time).abs()))
 }
 
-fn camera(path: &Path, bytes: &[u8], options: &TumOptions, notes: &mut Vec<String>) -> Result<CameraRecord, ReadError> {
+fn camera(
+    path: &Path,
+    bytes: &[u8],
+    options: &ReadOptions,
+    notes: &mut Vec<String>,
+) -> Result<CameraRecord, ReadError> {
     let text = as_utf8(path, bytes)?;
     let mut content = lines(path, text).filter(|line| !line.is_blank_or_comment());
     let expected = "expected one line: fx fy cx cy [k1 k2 p1 p2 [k3]], or MODEL WIDTH HEIGHT PARAMS as in COLMAP";

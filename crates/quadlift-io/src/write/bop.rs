@@ -5,11 +5,22 @@
 
 use std::fmt::Write;
 
+use super::format::{ExportFormat, Writer};
 use super::views::SeenObject;
 use super::{CheckedScene, Document, Placement, numbers_for};
 
 /// Millimetres in a metre.
 const MM: f64 = 1000.0;
+
+/// The row of this format.
+pub(super) const FORMAT: ExportFormat = ExportFormat {
+    name: "bop",
+    about: "BOP results: poses of the bodies in each frame, millimeters",
+    options: &["only_detected", "scene_id"],
+    write: Writer::Bodies(|scene, options| {
+        Ok(bop_results(scene, options.scene_id.unwrap_or(0), options.only_detected))
+    }),
+};
 
 /// The poses of all frames, in their order. `im_id` is the frame id if all frames have whole numbers, otherwise its
 /// position; `obj_id` the number in the object's category or id (`obj_000005` or `5`) or its position from 1. The score

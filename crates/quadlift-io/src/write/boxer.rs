@@ -6,6 +6,7 @@ use std::fmt::Write;
 
 use quadlift::geometry::quaternion_from_rotation;
 
+use super::format::{ExportFormat, Writer};
 use super::scores::Scores;
 use super::stamps::stamps;
 use super::views::SeenObject;
@@ -14,6 +15,14 @@ use super::{CheckedScene, Document, Placement, numbers_for};
 /// The columns.
 const HEADER: &str = "time_ns,tx_world_object,ty_world_object,tz_world_object,qw_world_object,qx_world_object,qy_world_object,\
                       qz_world_object,scale_x,scale_y,scale_z,name,instance,sem_id,prob";
+
+/// The row of this format.
+pub(super) const FORMAT: ExportFormat = ExportFormat {
+    name: "boxer",
+    about: "CSV of oriented 3D boxes per frame, as Boxer writes them",
+    options: &["enclosing", "only_detected"],
+    write: Writer::Bodies(|scene, options| Ok(boxer(scene, options.only_detected))),
+};
 
 /// A row for each object in each frame, by time. `instance` is the number in the object's id or its position, `sem_id` the
 /// position of the category, `prob` the score.

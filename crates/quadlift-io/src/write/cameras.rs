@@ -7,6 +7,7 @@ use nalgebra::{Matrix3x4, Rotation3, Vector3};
 use quadlift::geometry::{CamFromWorld, quaternion_from_rotation};
 
 use super::Document;
+use super::format::{ExportFormat, Writer};
 use crate::error::EntryError;
 use crate::instants::instants;
 use crate::scene_file::{FrameRecord, SceneFile};
@@ -54,6 +55,14 @@ fn posed(file: &SceneFile) -> Result<(Vec<Posed<'_>>, Vec<String>), EntryError> 
     Ok((all, notes))
 }
 
+/// The row of this format.
+pub(super) const TUM: ExportFormat = ExportFormat {
+    name: "tum",
+    about: "TUM: the trajectory of a camera, as given or refined",
+    options: &["camera"],
+    write: Writer::Cameras(|file, options| tum(file, options.camera.as_deref())),
+};
+
 /// The trajectory of one camera: lines `time tx ty tz qx qy qz qw`, camera-to-world, in the order of time. `camera` may be left out if all
 /// frames have the same one. Frames without times get their numbers.
 ///
@@ -91,6 +100,14 @@ pub fn tum(file: &SceneFile, camera: Option<&str>) -> Result<Document, EntryErro
     }
     Ok(Document { content: text.into_bytes(), counts: vec![("pose", frames.len())], notes })
 }
+
+/// The row of this format.
+pub(super) const COLMAP: ExportFormat = ExportFormat {
+    name: "colmap",
+    about: "COLMAP: a folder with the model of the cameras, as given or refined, in text form",
+    options: &[],
+    write: Writer::CameraFolder(COLMAP_FILES, colmap_model),
+};
 
 /// The cameras, images and points as a COLMAP model in text form: the files of [`COLMAP_FILES`]. Cameras whose ids are not whole numbers
 /// get numbers from 1; the points have no tracks, because the scene does not have their pixels.
@@ -148,12 +165,9 @@ pub fn colmap_model(file: &SceneFile) -> Result<[Document; 3], EntryError> {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use super::*;
-    use crate::read::PixelCenters;
-    use crate::read::colmap::parse_text;
-    use crate::read::tum::{TumOptions, parse_tum};
+    use crate::formats::read_cameras;
+    use crate::read::ReadOptions;
     use crate::write::test_scene::three_bodies;
 
     /// Two cameras, times out of order, turned poses.
@@ -175,15 +189,13 @@ mod tests {
     fn a_trajectory_reads_back_as_the_poses() {
         let file = scene();
         let document = tum(&file, None).unwrap();
-        let path = Path::new("trajectory.txt");
-        let options = TumOptions {
-            intrinsics: Path::new("camera.txt"),
-            image_size: Some([640.0, 480.0]),
-            image_list: None,
-            time_tolerance: 0.0,
-            pixel_centers: PixelCenters::default(),
-        };
-        let read = parse_tum((path, &document.content), b"500 500 320 240", None, &options).unwrap().scene;
+        let folder = tempfile::tempdir().unwrap();
+        let [path, intrinsics] = ["trajectory.txt", "camera.txt"].map(|name| folder.path().join(name));
+        std::fs::write(&path, &document.content).unwrap();
+        std::fs::write(&intrinsics, "500 500 320 240").unwrap();
+        let intrinsics = Some(intrinsics);
+        let options = ReadOptions { intrinsics, image_size: Some([640.0, 480.0]), ..ReadOptions::default() };
+        let read = read_cameras(&path, &options).unwrap().scene;
         assert_eq!(read.frames.len(), file.frames.len());
         for (frame, read) in file.frames.iter().rev().zip(&read.frames) {
             assert!(is_close(frame, read), "{read:?}");
@@ -214,9 +226,11 @@ mod tests {
     fn a_colmap_model_reads_back_as_the_scene() {
         let file = scene();
         let documents = colmap_model(&file).unwrap();
-        let [cameras, images, points] = documents.each_ref().map(|document| document.content.as_slice());
-        let [a, b, c] = COLMAP_FILES.map(Path::new);
-        let read = parse_text([(a, cameras), (b, images), (c, points)], None, 10).unwrap().scene;
+        let folder = tempfile::tempdir().unwrap();
+        for (name, document) in COLMAP_FILES.iter().zip(&documents) {
+            std::fs::write(folder.path().join(name), &document.content).unwrap();
+        }
+        let read = read_cameras(folder.path(), &ReadOptions::default()).unwrap().scene;
         assert_eq!((read.cameras.len(), read.points), (1, file.points.clone()));
         assert_eq!((read.cameras[0].id.as_str(), &read.cameras[0].params), ("1", &file.cameras[0].params));
         for frame in &file.frames {

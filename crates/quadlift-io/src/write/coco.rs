@@ -5,7 +5,16 @@
 
 use serde_json::{Value, json};
 
+use super::format::{ExportFormat, Writer};
 use super::{CheckedScene, Document};
+
+/// The row of this format.
+pub(super) const FORMAT: ExportFormat = ExportFormat {
+    name: "coco",
+    about: "COCO annotations: the boxes of the bodies in each frame",
+    options: &["enclosing", "only_detected"],
+    write: Writer::Bodies(|scene, options| Ok(coco(scene, options.only_detected))),
+};
 
 /// The boxes of the bodies in the images. Ids count from 1: images by the frames, tracks by the objects, categories by
 /// their first appearance.

@@ -1,9 +1,10 @@
 //! CSV tables: the objects, one row each, and the residuals of their views. World units; fields without a value are
 //! empty. A text that a spreadsheet would take for a formula has an apostrophe before it.
 
-use csv::Writer;
+use csv::Writer as CsvWriter;
 use quadlift::geometry::{Body, quaternion_from_rotation};
 
+use super::format::{ExportFormat, Writer};
 use super::{Document, Placement};
 use crate::error::EntryError;
 use crate::scene_file::{ObjectBodies, ObjectRecord, SceneFile};
@@ -38,6 +39,14 @@ pub const OBJECT_COLUMNS: [&str; 24] = [
 
 /// The columns of [`views_csv`].
 pub const VIEW_COLUMNS: [&str; 4] = ["object", "frame", "residual_px", "inlier"];
+
+/// The row of this format.
+pub(super) const FORMAT: ExportFormat = ExportFormat {
+    name: "csv",
+    about: "CSV: one row per object",
+    options: &["views"],
+    write: Writer::Tables(|file| Ok([objects_csv(file)?, views_csv(file)])),
+};
 
 /// The objects, with or without a body. Half extents are the semi-axes of an ellipsoid, and half the extents of a cuboid,
 /// along the columns of the rotation, which is a unit quaternion.
@@ -123,7 +132,7 @@ fn text<T: ToString>(value: &Option<T>) -> String {
 
 /// A table with a header; fields are put in quotes where they need them.
 fn table<const N: usize>(header: [&str; N], rows: impl Iterator<Item = [String; N]>) -> Vec<u8> {
-    let mut writer = Writer::from_writer(Vec::new());
+    let mut writer = CsvWriter::from_writer(Vec::new());
     // Writing rows of one length to memory cannot fail.
     let _ = writer.write_record(header);
     for row in rows {

@@ -7,6 +7,7 @@ use nalgebra::{Matrix2, Matrix3, SymmetricEigen, Vector2, Vector3};
 use quadlift::geometry::ConvexBody;
 use serde_json::{Map, Value, json};
 
+use super::format::{ExportFormat, Writer};
 use super::geodesy::{Place, Tangent};
 use super::scores::Scores;
 use super::{CheckedScene, Document, Object, Placement};
@@ -37,6 +38,17 @@ impl Default for GeoJsonOptions {
         Self { origin: None, north: [0.0, 1.0, 0.0] }
     }
 }
+
+/// The row of this format.
+pub(super) const FORMAT: ExportFormat = ExportFormat {
+    name: "geojson",
+    about: "GeoJSON: objects as points on Earth with their error ellipses",
+    options: &["enclosing", "origin", "north"],
+    write: Writer::Bodies(|scene, options| {
+        let about = GeoJsonOptions { origin: options.origin, north: options.north };
+        geojson(scene, &about).map_err(|error| error.in_file(&options.scene))
+    }),
+};
 
 /// The objects as a `FeatureCollection`.
 ///

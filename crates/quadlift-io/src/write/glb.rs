@@ -9,6 +9,7 @@ use nalgebra::{Rotation3, Unit, Vector3};
 use quadlift::geometry::quaternion_from_rotation;
 use serde_json::{Value, json};
 
+use super::format::{ExportFormat, Writer};
 use super::mesh::{normal, unit_body};
 use super::{CheckedScene, Document, Object, Placement, Shape, colors};
 
@@ -26,6 +27,14 @@ const BINARY_CHUNK: &[u8; 4] = b"BIN\0";
 
 /// Edges of a frustum as indices of its five points.
 const EDGES: [[u32; 2]; 8] = [[0, 1], [0, 2], [0, 3], [0, 4], [1, 2], [2, 3], [3, 4], [4, 1]];
+
+/// The row of this format.
+pub(super) const FORMAT: ExportFormat = ExportFormat {
+    name: "glb",
+    about: "glTF binary: one node per object, and camera frusta; meters, y up",
+    options: &["enclosing", "frusta"],
+    write: Writer::Bodies(|scene, options| Ok(glb(scene, options.frusta))),
+};
 
 /// The scene as glTF. The root node turns the world so that y is up and converts its unit to metres; the nodes below it
 /// have world coordinates. `frustum_depth` as in [`super::ply::ply`].

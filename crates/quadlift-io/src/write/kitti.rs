@@ -11,8 +11,10 @@ use std::fmt::Write;
 use nalgebra::{Matrix4, Vector3};
 use quadlift::geometry::{CamFromWorld, ConvexBody};
 
+use super::format::{ExportFormat, Writer};
 use super::views::SeenObject;
 use super::{CheckedScene, Document, Object, Placement, numbers_for};
+use crate::read::kitti::read_cam_from_rect;
 
 /// Options that a scene does not contain.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -23,6 +25,17 @@ pub struct KittiLabelOptions {
     /// ([`crate::read::kitti::read_cam_from_rect`]); labels are written in the former. The identity where absent.
     pub cam_from_rect: Option<Matrix4<f64>>,
 }
+
+/// The row of this format.
+pub(super) const FORMAT: ExportFormat = ExportFormat {
+    name: "kitti",
+    about: "KITTI tracking labels: upright boxes in the camera frame of each image",
+    options: &["enclosing", "only_detected", "calib"],
+    write: Writer::Bodies(|scene, options| {
+        let cam_from_rect = options.calib.as_deref().map(read_cam_from_rect).transpose()?;
+        Ok(kitti_labels(scene, &KittiLabelOptions { only_detected: options.only_detected, cam_from_rect }))
+    }),
+};
 
 /// The labels of all frames, in their order. Frames and tracks have their ids as numbers, where all of these are whole
 /// numbers (tracks also `t5`, as [`crate::read::kitti`] names them), or their positions.

@@ -8,6 +8,7 @@ use std::collections::{BTreeMap, HashMap};
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion};
 use quadlift::geometry::{CameraModel, quaternion_from_rotation};
 
+use super::format::{ExportFormat, Writer};
 use super::ros::pose_covariance;
 use super::scores::Scores;
 use super::stamps::{SECOND, stamps};
@@ -38,6 +39,14 @@ fn box_of(detection: &DetectionRecord) -> Option<[f64; 5]> {
     let [x0, y0, x1, y1] = detection.bounding_box.or_else(|| detection.outline.as_deref().map(around))?;
     Some([0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.0, x1 - x0, y1 - y0])
 }
+
+/// The row of this format.
+pub(super) const FORMAT: ExportFormat = ExportFormat {
+    name: "mcap",
+    about: "MCAP: a log of ROS 2 with 3D detections, markers, cameras and 2D detections",
+    options: &["enclosing", "frame_id"],
+    write: Writer::Bodies(|scene, options| Ok(mcap(scene, options.frame()))),
+};
 
 /// The log of a scene; `frame_id` is the name of the world.
 pub fn mcap(scene: &CheckedScene, frame_id: &str) -> Document {

@@ -4,22 +4,24 @@
 //! A size has several meanings in these formats: half extents (scene files), full extents (ROS, KITTI), scale factors of
 //! a body of radius one (glTF). Every file says which one it writes.
 
-pub mod bop;
-pub mod boxer;
-pub mod cameras;
-pub mod coco;
+mod bop;
+mod boxer;
+mod cameras;
+mod coco;
 mod colors;
-pub mod csv;
+mod csv;
+mod format;
 mod frusta;
 pub mod geodesy;
-pub mod geojson;
-pub mod glb;
-pub mod kitti;
+mod geojson;
+mod glb;
+mod kitti;
 #[cfg(feature = "mcap")]
 pub mod mcap;
 mod mesh;
-pub mod ply;
-pub mod ros;
+mod options;
+mod ply;
+mod ros;
 mod scores;
 mod stamps;
 mod units;
@@ -38,7 +40,27 @@ use quadlift::solve::Covariance;
 use crate::error::EntryError;
 use crate::scene_file::SceneFile;
 
+pub use format::{ExportFormat, Writer};
+pub use options::{WRITE, WriteOptions};
 pub(crate) use units::metres_of;
+
+/// The formats of objects and cameras that are written. Tables and recordings are written by [`crate::tables`] and the crate
+/// quadlift-report.
+pub const EXPORTS: &[ExportFormat] = &[
+    ply::FORMAT,
+    glb::FORMAT,
+    kitti::FORMAT,
+    bop::FORMAT,
+    boxer::FORMAT,
+    coco::FORMAT,
+    geojson::FORMAT,
+    #[cfg(feature = "mcap")]
+    mcap::FORMAT,
+    ros::FORMAT,
+    csv::FORMAT,
+    cameras::TUM,
+    cameras::COLMAP,
+];
 
 /// A file in another program's format.
 #[derive(Debug, Clone, PartialEq)]

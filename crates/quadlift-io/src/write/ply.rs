@@ -5,6 +5,7 @@
 
 use nalgebra::Point3;
 
+use super::format::{ExportFormat, Writer};
 use super::mesh::unit_body;
 use super::{CheckedScene, Document, Placement, colors};
 
@@ -13,6 +14,14 @@ const FRUSTUM: [[u32; 3]; 6] = [[0, 2, 1], [0, 3, 2], [0, 4, 3], [0, 1, 4], [1, 
 
 /// Alpha of the bodies and of the frusta.
 const ALPHA: [u8; 2] = [160, 255];
+
+/// The row of this format.
+pub(super) const FORMAT: ExportFormat = ExportFormat {
+    name: "ply",
+    about: "PLY: meshes of the bodies and camera frusta",
+    options: &["enclosing", "frusta"],
+    write: Writer::Bodies(|scene, options| Ok(ply(scene, options.frusta))),
+};
 
 /// The scene as one mesh: the objects in their order, then the cameras. `frustum_depth` is the depth of the frusta in
 /// world units; zero leaves them out, and without it they have a tenth of the distance to the objects.

@@ -10,6 +10,7 @@ use quadlift::geometry::quaternion_from_rotation;
 use quadlift::solve::{Covariance, CovarianceCoordinates};
 use serde_json::{Value, json};
 
+use super::format::{ExportFormat, Writer};
 use super::{CheckedScene, Document, Object, Placement};
 
 type Matrix6 = SMatrix<f64, 6, 6>;
@@ -19,6 +20,14 @@ const UNKNOWN_ANGLE: f64 = PI * PI / 3.0;
 
 /// A turn with a greater variance (squared radians) than this is not known: the linear law of errors ends there.
 const LARGEST_VARIANCE: f64 = 1.0;
+
+/// The row of this format.
+pub(super) const FORMAT: ExportFormat = ExportFormat {
+    name: "ros",
+    about: "JSON in the structure of ROS 2's vision_msgs/Detection3DArray",
+    options: &["enclosing", "frame_id"],
+    write: Writer::Bodies(|scene, options| Ok(ros(scene, options.frame()))),
+};
 
 /// The objects as a message whose header names `frame_id`, the name of the world.
 pub fn ros(scene: &CheckedScene, frame_id: &str) -> Document {

@@ -7,12 +7,11 @@ use quadlift::options::Spelling;
 use quadlift_io::options::check_needs_map;
 use quadlift_io::run::FileOptions;
 
-use super::direct::{DirectArgs, ONLY_DIRECT};
+use super::direct::DirectArgs;
 use crate::args::DetailName;
 use crate::corrections::Corrections;
 use crate::error::usage;
 use crate::localization::{file_options, prior_source};
-use crate::logs::{KeepGoing, LogArgs};
 use crate::options::{Chosen, Localize};
 
 /// Estimate 3D objects from the detections of a scene
@@ -26,8 +25,8 @@ use crate::options::{Chosen, Localize};
 Several scenes (several paths, a folder, or a pattern in quotes) are localised one after another; OUT is then a folder,
 and each result has the file name of its scene. If a scene fails, it is reported and the others are still processed.
 
---cameras and --detections read files of other programs and detect their formats; the main options of `quadlift import`
-and `quadlift import-detections` are available here too.
+--cameras and --detections read files of other programs and detect their formats; the options of `quadlift import` are
+available here too.
 
 A log in MCAP (ROS 2, Foxglove) is read as `quadlift import mcap` reads it.
 
@@ -80,17 +79,11 @@ pub struct Args {
 
     #[command(flatten)]
     pub(super) direct: DirectArgs,
-
-    #[command(flatten)]
-    pub(super) log: LogArgs,
-
-    #[command(flatten)]
-    pub(super) keep_going: KeepGoing,
 }
 
-/// The command, in which options that have no effect on scene files need `--cameras`.
+/// The command, in which the option that has no effect on scene files and logs needs `--cameras`.
 pub fn with_requirements(command: clap::Command) -> clap::Command {
-    ONLY_DIRECT.iter().fold(command, |command, id| command.mut_arg(id, |option| option.requires("cameras")))
+    command.mut_arg("by", |option| option.requires("cameras"))
 }
 
 impl Args {

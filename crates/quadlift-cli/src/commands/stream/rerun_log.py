@@ -1,4 +1,4 @@
-"""How the records of a recording (docs/formats/rerun.md) become entities of Rerun.
+"""How the records of a recording (docs/formats/exports.md) become entities of Rerun.
 
 Needs Rerun's SDK alone: the program ``quadlift`` contains this file and runs it for ``quadlift stream --rerun``
 (``serve``), and the Python package imports it as ``quadlift._rerun_log``, a link to this file.

@@ -9,8 +9,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use anyhow::{Context, bail};
 use quadlift::scene::SourceError;
-use quadlift_io::detect::is_mcap;
-use quadlift_io::mcap::{Frames, McapLog, McapOptions, Next, Problem};
+use quadlift_io::mcap::{Frames, McapLog, McapOptions, Next, Problem, is_mcap};
 use quadlift_io::stream::{AboutRecord, FrameLine, Input, LineReader, NextLine, open, scene_to_frames};
 
 use crate::files::read_scene;

@@ -138,7 +138,7 @@ pub fn mistakes(right: &Value) -> Vec<Mistake> {
         ),
         of(
             "Normalized boxes",
-            "YOLO label files contain coordinates from 0 to 1, which `quadlift import-detections yolo` converts; scene files \
+            "YOLO label files contain coordinates from 0 to 1, which `quadlift import yolo` converts; scene files \
              use pixels.",
             "boxes are normalised",
             "normalized_boxes",

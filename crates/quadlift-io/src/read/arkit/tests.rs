@@ -47,17 +47,17 @@ fn record3d(poses: &Value) -> Value {
 fn polycam(camera: &Value) -> Result<Import, ReadError> {
     let text = camera.to_string();
     let file = FrameFile { stem: "638443502", path: Path::new("638443502.json"), bytes: text.as_bytes() };
-    parse_polycam(Path::new("cameras"), &[file], &all_there(), &ArkitOptions::default())
+    parse_polycam(Path::new("cameras"), &[file], &all_there(), &ReadOptions::default())
 }
 
 fn scanner(frame: &Value, images: &CaptureImages) -> Result<Import, ReadError> {
     let text = frame.to_string();
     let file = FrameFile { stem: "frame_00000", path: Path::new("frame_00000.json"), bytes: text.as_bytes() };
-    parse_scanner(Path::new("scan"), &[file], images, &ArkitOptions::default())
+    parse_scanner(Path::new("scan"), &[file], images, &ReadOptions::default())
 }
 
 fn metadata(document: &Value, images: &CaptureImages) -> Result<Import, ReadError> {
-    parse_record3d(Path::new("metadata"), document.to_string().as_bytes(), images, &ArkitOptions::default())
+    parse_record3d(Path::new("metadata"), document.to_string().as_bytes(), images, &ReadOptions::default())
 }
 
 /// Where a point of the world is seen, in pixels, and its depth.
@@ -164,7 +164,7 @@ fn captures_are_found_in_their_folders() {
     write("exr/EXR_RGBD/metadata.json", &record3d(&poses).to_string());
     write("exr/EXR_RGBD/rgb/0.png", "x");
     let ids = |name: &str| {
-        let import = read_arkit(&folder.path().join(name), &ArkitOptions::default()).unwrap();
+        let import = read_arkit(&folder.path().join(name), &ReadOptions::default()).unwrap();
         let ids: Vec<String> = import.scene.frames.into_iter().map(|frame| frame.id).collect();
         (ids.join(" "), import.image_folder.map(|folder| folder.file_name().unwrap().to_string_lossy().into_owned()))
     };
@@ -174,7 +174,7 @@ fn captures_are_found_in_their_folders() {
     }
     assert_eq!(ids("polycam/keyframes/cameras"), ("1000000.jpg 2000000.jpg".to_owned(), None));
     write("polycam/keyframes/depth/1000000.png", "x");
-    let with_depth = read_arkit(&folder.path().join("polycam"), &ArkitOptions::default()).unwrap();
+    let with_depth = read_arkit(&folder.path().join("polycam"), &ReadOptions::default()).unwrap();
     let depth = with_depth.scene.frames[0].depth.as_ref().unwrap();
     assert_eq!((depth.path.as_str(), depth.scale), ("../depth/1000000.png", 0.001));
     assert!(with_depth.notes.contains(&"1 frame with a depth image".to_owned()), "{:?}", with_depth.notes);
@@ -183,7 +183,7 @@ fn captures_are_found_in_their_folders() {
     assert_eq!(ids("r3d/metadata"), found("0.jpg", "rgbd"));
     assert_eq!(ids("exr"), found("0.png", "rgb"));
     write("a.r3d", "PK");
-    let message = |name: &str| read_arkit(&folder.path().join(name), &ArkitOptions::default()).unwrap_err().problem;
+    let message = |name: &str| read_arkit(&folder.path().join(name), &ReadOptions::default()).unwrap_err().problem;
     assert_eq!(message("a.r3d"), "this is a zip archive; unpack it and give its folder");
     assert!(message("polycam/keyframes/corrected_images").starts_with("expected the folder of a capture"));
 }

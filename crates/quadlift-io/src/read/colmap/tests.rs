@@ -5,6 +5,7 @@ use quadlift::geometry::{Camera, CameraModel};
 use serde_json::Value;
 
 use super::*;
+use std::path::PathBuf;
 
 /// The file of the points of a model without points.
 fn no_points() -> File<'static> {

@@ -11,6 +11,7 @@ use super::files::{Detected, DetectedImage, DetectionFiles, ImageKey};
 use super::table::Row;
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
+use crate::read::format::{DetectionFormat, Format};
 use crate::scene_file::Box3dRecord;
 
 /// The columns that are needed, in the order of the file.
@@ -32,23 +33,26 @@ const NUMBERS: [&str; 11] = [
 const ROUNDING: f64 = 1e-3;
 
 /// Whether the first line of a table is that of Boxer.
-pub(crate) fn is_header(columns: &[&str]) -> bool {
+fn is_header(columns: &[String]) -> bool {
     NUMBERS.iter().all(|name| columns.iter().any(|column| column.trim() == *name))
 }
 
-/// Reads a file.
-///
-/// # Errors
-/// [`ReadError`] with the line, what was found and what was expected.
-pub fn read_boxer(path: &Path) -> Result<DetectionFiles, ReadError> {
-    parse_boxer(path, &read_bytes(path)?)
-}
+/// The row of this format.
+pub(super) const FORMAT: DetectionFormat = Format {
+    name: "boxer",
+    title: "Boxer's 3D boxes",
+    about: "Boxer's and WildDet3D's CSV of 3D boxes per frame, matched by time",
+    looks: "Boxer (a column time_ns and 3D boxes)",
+    options: &[],
+    finds: |probe| probe.when(probe.line()?.is_some_and(|line| line.commas && is_header(&line.words))),
+    read: |path, _| parse_boxer(path, &read_bytes(path)?),
+};
 
 /// The detections in the bytes of a file; the path serves for messages.
 ///
 /// # Errors
-/// As [`read_boxer`].
-pub fn parse_boxer(path: &Path, bytes: &[u8]) -> Result<DetectionFiles, ReadError> {
+/// [`ReadError`] with the line, what was found and what was expected.
+pub(super) fn parse_boxer(path: &Path, bytes: &[u8]) -> Result<DetectionFiles, ReadError> {
     let table = table(path, as_utf8(path, bytes)?)?;
     let column = |name: &str| table.columns.iter().position(|column| column == name);
     let mut columns = [0; 11];

@@ -11,6 +11,7 @@ use quadlift_segment::{Polygons, Rle};
 use super::files::{ByImage, Detected, DetectionFiles, File, ImageKey, Numbering, Outline, edges_of_size};
 use crate::error::ReadError;
 use crate::input::{paths_below, read_bytes};
+use crate::read::format::{DetectionFormat, Format};
 use crate::read::json::{Node, parse_json};
 use crate::scene_file::{RleCounts, RleRecord};
 use crate::wording::count;
@@ -19,18 +20,32 @@ use crate::wording::count;
 const ROBOFLOW: &str = "_annotations.coco.json";
 
 /// The annotations in a folder of Roboflow and in those in it, if there are any.
-pub(crate) fn files_of_roboflow(folder: &Path) -> Result<Option<Vec<PathBuf>>, ReadError> {
+fn files_of_roboflow(folder: &Path) -> Result<Option<Vec<PathBuf>>, ReadError> {
     let all = paths_below(folder, "json")?.into_iter().map(|(_, path)| path);
     let files: Vec<PathBuf> = all.filter(|path| path.ends_with(ROBOFLOW)).collect();
     Ok((!files.is_empty()).then_some(files))
 }
+
+/// The row of this format.
+pub(super) const FORMAT: DetectionFormat = Format {
+    name: "coco",
+    title: "COCO",
+    about: "COCO: annotations or a list of results, with boxes, polygons and masks",
+    looks: "COCO (annotations, or a list with \"image_id\")",
+    options: &["annotations"],
+    finds: |probe| match probe.folder() {
+        Some(folder) => probe.when(files_of_roboflow(folder)?.is_some()),
+        None => probe.when(probe.keys()?.has("annotations") || probe.keys()?.has("image_id")),
+    },
+    read: |path, options| read_coco(path, options.annotations.as_deref()),
+};
 
 /// Reads a data set or a list of results; of a folder the annotations of Roboflow in it. Results name images and categories by numbers only; `annotations` is the data
 /// set that has their names.
 ///
 /// # Errors
 /// [`ReadError`] with the entry, what was found and what was expected.
-pub fn read_coco(path: &Path, annotations: Option<&Path>) -> Result<DetectionFiles, ReadError> {
+pub(super) fn read_coco(path: &Path, annotations: Option<&Path>) -> Result<DetectionFiles, ReadError> {
     if path.is_dir() {
         return read_roboflow(path);
     }
@@ -60,7 +75,7 @@ fn read_roboflow(folder: &Path) -> Result<DetectionFiles, ReadError> {
 ///
 /// # Errors
 /// As [`read_coco`].
-pub fn parse_coco(file: File, annotations: Option<File>) -> Result<DetectionFiles, ReadError> {
+pub(super) fn parse_coco(file: File, annotations: Option<File>) -> Result<DetectionFiles, ReadError> {
     let value = parse_json(file.0, file.1)?;
     let root = Node::root(file.0, &value);
     let mut names = Names::default();

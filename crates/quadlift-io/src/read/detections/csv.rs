@@ -7,27 +7,43 @@
 use std::path::Path;
 
 use super::files::DetectionFiles;
-pub use super::table::TableOptions;
-use super::table::{Row, Table};
+use super::names::names;
+use super::table::{Row, Table, TableOptions, table_options};
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
+use crate::read::format::{DetectionFormat, Format};
 
 /// The columns of a table that does not name them.
 const COLUMNS: [&str; 6] = ["frame", "x0", "y0", "x1", "y1", "score"];
 
-/// Reads a table.
-///
-/// # Errors
-/// [`ReadError`] with the line, what was found and what was expected.
-pub fn read_csv(path: &Path, options: &TableOptions) -> Result<DetectionFiles, ReadError> {
-    parse_csv(path, &read_bytes(path)?, options)
-}
+/// The row of this format.
+pub(super) const FORMAT: DetectionFormat = Format {
+    name: "csv",
+    title: "a CSV table",
+    about: "A CSV table of boxes",
+    looks: "CSV (names of columns, or 5 or 6 numbers)",
+    options: &["frame_column", "names", "pixel_centers"],
+    finds: |probe| {
+        let Some(line) = probe.line()? else { return Ok(None) };
+        let is_score = |number: &Option<f64>| number.is_some_and(|score| (0.0..=1.0).contains(&score));
+        probe.when(
+            line.commas
+                && match line.words.len() {
+                    5 => true,
+                    6.. if line.are_names() => true,
+                    6 => line.numbers().get(5).is_some_and(is_score),
+                    _ => false,
+                },
+        )
+    },
+    read: |path, options| parse_csv(path, &read_bytes(path)?, &table_options(options, names(options)?.as_ref())),
+};
 
 /// The detections in the bytes of a table; the path serves for messages.
 ///
 /// # Errors
-/// As [`read_csv`].
-pub fn parse_csv(path: &Path, bytes: &[u8], options: &TableOptions) -> Result<DetectionFiles, ReadError> {
+/// [`ReadError`] with the line, what was found and what was expected.
+pub(super) fn parse_csv(path: &Path, bytes: &[u8], options: &TableOptions) -> Result<DetectionFiles, ReadError> {
     table(path, as_utf8(path, bytes)?)?.detections(options)
 }
 

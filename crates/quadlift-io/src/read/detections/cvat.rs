@@ -11,6 +11,7 @@ use super::files::{ByImage, Detected, DetectedImage, DetectionFiles, ImageKey, N
 use super::shapes::{PixelBudget, add_part, mask_of_rows, turned_box};
 use crate::error::ReadError;
 use crate::input::{paths_below, read_bytes};
+use crate::read::format::{DetectionFormat, Format};
 use crate::read::xml::{DocumentType, Element, Xml};
 
 /// Name of the file in an export.
@@ -19,11 +20,25 @@ const FILE: &str = "annotations.xml";
 /// Shapes that are no region of an image.
 const NOT_REGIONS: [&str; 5] = ["polyline", "points", "cuboid", "skeleton", "tag"];
 
+/// The row of this format.
+pub(super) const FORMAT: DetectionFormat = Format {
+    name: "cvat",
+    title: "CVAT",
+    about: "CVAT's XML: boxes, polygons, masks and ellipses of images, or tracks of a video",
+    looks: "CVAT (<annotations>)",
+    options: &[],
+    finds: |probe| match probe.labels("xml")? {
+        Some(first) => probe.when(first.is_xml("annotations")?),
+        None => Ok(None),
+    },
+    read: |path, _| read_cvat(path),
+};
+
 /// Reads a file, or the `annotations.xml` (otherwise the only XML file) in a folder.
 ///
 /// # Errors
 /// [`ReadError`] with line and column, what was found and what was expected.
-pub fn read_cvat(path: &Path) -> Result<DetectionFiles, ReadError> {
+pub(super) fn read_cvat(path: &Path) -> Result<DetectionFiles, ReadError> {
     if !path.is_dir() {
         return parse_cvat(path, &read_bytes(path)?);
     }
@@ -42,7 +57,7 @@ pub fn read_cvat(path: &Path) -> Result<DetectionFiles, ReadError> {
 ///
 /// # Errors
 /// As [`read_cvat`].
-pub fn parse_cvat(path: &Path, bytes: &[u8]) -> Result<DetectionFiles, ReadError> {
+pub(super) fn parse_cvat(path: &Path, bytes: &[u8]) -> Result<DetectionFiles, ReadError> {
     let xml = Xml::parse(path, bytes, "annotations of CVAT", DocumentType::Refused)?;
     let root = &xml.root;
     if &*root.name != "annotations" {

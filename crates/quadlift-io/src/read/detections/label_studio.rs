@@ -14,6 +14,7 @@ use super::label_studio_links::{image_name, is_video};
 use super::shapes::{PixelBudget, turned_box};
 use crate::error::ReadError;
 use crate::input::read_bytes;
+use crate::read::format::{DetectionFormat, Format};
 use crate::read::json::{Node, parse_json};
 
 /// Most boxes between keyframes in a file: two keyframes of a few bytes may be any number of frames apart.
@@ -23,19 +24,26 @@ const MOST_BETWEEN_KEYFRAMES: u64 = 1 << 20;
 const LABELS: [&str; 6] =
     ["rectanglelabels", "polygonlabels", "ellipselabels", "brushlabels", "labels", "videorectanglelabels"];
 
-/// Reads an export.
-///
-/// # Errors
-/// [`ReadError`] with the entry, what was found and what was expected.
-pub fn read_label_studio(path: &Path) -> Result<DetectionFiles, ReadError> {
-    parse_label_studio(path, &read_bytes(path)?)
-}
+/// The row of this format.
+pub(super) const FORMAT: DetectionFormat = Format {
+    name: "label-studio",
+    title: "Label Studio",
+    about: "Label Studio's JSON or JSON-MIN: shapes of images, or tracks of a video",
+    looks: "Label Studio (tasks with \"data\")",
+    options: &[],
+    finds: |probe| {
+        let keys = probe.keys()?;
+        let is_full = keys.has("data") && (keys.has("annotations") || keys.has("predictions"));
+        probe.when(is_full || keys.has("annotation_id") && keys.has("annotator"))
+    },
+    read: |path, _| parse_label_studio(path, &read_bytes(path)?),
+};
 
 /// The shapes in the bytes of an export; the path serves for messages.
 ///
 /// # Errors
-/// As [`read_label_studio`].
-pub fn parse_label_studio(path: &Path, bytes: &[u8]) -> Result<DetectionFiles, ReadError> {
+/// [`ReadError`] with the entry, what was found and what was expected.
+pub(super) fn parse_label_studio(path: &Path, bytes: &[u8]) -> Result<DetectionFiles, ReadError> {
     let value = parse_json(path, bytes)?;
     let mut reader = Reader { mask_pixels: PixelBudget::of_file(bytes.len()), ..Reader::default() };
     for task in Node::root(path, &value).items()? {

@@ -9,21 +9,28 @@ use std::path::Path;
 use super::files::{Detected, DetectedImage, DetectionFiles, ImageKey, LabelFile, Numbering, Outline, label_files};
 use super::shapes::add_part;
 use crate::error::ReadError;
+use crate::read::format::{DetectionFormat, Format};
 use crate::read::json::{Node, parse_json};
 
-/// Reads a file, or those of a folder and the folders in it.
-///
-/// # Errors
-/// [`ReadError`] with the entry, what was found and what was expected.
-pub fn read_labelme(path: &Path) -> Result<DetectionFiles, ReadError> {
-    parse_labelme(path, &label_files(path, "json")?)
-}
+/// The row of this format.
+pub(super) const FORMAT: DetectionFormat = Format {
+    name: "labelme",
+    title: "LabelMe",
+    about: "LabelMe's annotations",
+    looks: "LabelMe (\"shapes\")",
+    options: &[],
+    finds: |probe| match probe.labels("json")? {
+        Some(first) => probe.when(first.keys()?.has("shapes")),
+        None => Ok(None),
+    },
+    read: |path, _| parse_labelme(path, &label_files(path, "json")?),
+};
 
 /// The shapes in such files; the path is that of their folder and serves for messages.
 ///
 /// # Errors
-/// As [`read_labelme`].
-pub fn parse_labelme(path: &Path, files: &[LabelFile]) -> Result<DetectionFiles, ReadError> {
+/// [`ReadError`] with the entry, what was found and what was expected.
+pub(super) fn parse_labelme(path: &Path, files: &[LabelFile]) -> Result<DetectionFiles, ReadError> {
     let mut left_out = BTreeMap::new();
     let images = files.iter().map(|file| image(file, &mut left_out)).collect::<Result<_, _>>()?;
     let notes =

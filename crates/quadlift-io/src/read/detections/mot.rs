@@ -7,9 +7,13 @@
 use std::path::{Path, PathBuf};
 
 use super::files::{ByImage, Detected, DetectionFiles, ImageKey, Numbering, edges_of_size};
-use super::names::ClassNames;
+use super::names::{ClassNames, names};
+use super::yolo;
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
+use crate::read::format::{DetectionFormat, Format};
+use crate::read::options::ReadOptions;
+use crate::read::probe::Words;
 use crate::read::text::{Line, lines};
 
 /// Where the files of a sequence lie.
@@ -58,11 +62,33 @@ pub struct MotOptions<'a> {
     pub names: Option<&'a ClassNames>,
 }
 
+/// The row of this format.
+pub(super) const FORMAT: DetectionFormat = Format {
+    name: "mot",
+    title: "MOTChallenge",
+    about: "MOTChallenge: detections, tracks or ground truth",
+    looks: "MOTChallenge (7 to 10 numbers between commas, or gt/gt.txt)",
+    options: &["columns", "box_origin", "names"],
+    finds: |probe| {
+        if let Some(folder) = probe.folder() {
+            return probe.when(PLACES.iter().any(|place| folder.join(place).is_file()));
+        }
+        let is_row = |line: &Words| (7..=10).contains(&line.words.len()) && line.are_numbers();
+        probe.when(probe.line()?.is_some_and(|line| is_row(line) && !yolo::is_label(line)))
+    },
+    read: |path, options| {
+        let kinds = [("det", MotKind::Detections), ("gt", MotKind::GroundTruth), ("class", MotKind::Classes)];
+        let kind = ReadOptions::choice(path, ("columns", options.columns.as_ref()), &kinds)?;
+        let boxes_from_zero = options.boxes_from_zero;
+        read_mot(path, &MotOptions { kind, boxes_from_zero, names: names(options)?.as_ref() })
+    },
+};
+
 /// Reads a file, or the `gt/gt.txt` or `det/det.txt` in the folder of a sequence that has one of them.
 ///
 /// # Errors
 /// [`ReadError`] with the line, what was found and what was expected.
-pub fn read_mot(path: &Path, options: &MotOptions) -> Result<DetectionFiles, ReadError> {
+pub(super) fn read_mot(path: &Path, options: &MotOptions) -> Result<DetectionFiles, ReadError> {
     let path = if path.is_dir() { file_in(path)? } else { path.to_owned() };
     parse_mot(&path, &read_bytes(&path)?, options)
 }
@@ -102,7 +128,7 @@ impl Row<'_> {
 ///
 /// # Errors
 /// As [`read_mot`].
-pub fn parse_mot(path: &Path, bytes: &[u8], options: &MotOptions) -> Result<DetectionFiles, ReadError> {
+pub(super) fn parse_mot(path: &Path, bytes: &[u8], options: &MotOptions) -> Result<DetectionFiles, ReadError> {
     let text = as_utf8(path, bytes)?;
     let content = lines(path, text).filter(|line| !line.is_blank_or_comment());
     let rows = content.map(row).collect::<Result<Vec<_>, _>>()?;

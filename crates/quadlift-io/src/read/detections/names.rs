@@ -9,6 +9,7 @@ use std::path::Path;
 
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
+use crate::read::options::ReadOptions;
 
 /// Names of classes.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -19,18 +20,21 @@ impl ClassNames {
     pub fn of(&self, class: u64) -> Option<&str> {
         self.0.get(&class).map(String::as_str)
     }
+}
 
-    /// Number of classes with a name.
-    pub fn count(&self) -> usize {
-        self.0.len()
-    }
+/// The names of classes that the options tell.
+///
+/// # Errors
+/// As [`read_names`].
+pub(super) fn names(options: &ReadOptions) -> Result<Option<ClassNames>, ReadError> {
+    options.names.as_deref().map(read_names).transpose()
 }
 
 /// Reads a file of names: YAML by its extension `.yaml` or `.yml`, otherwise one name in each line, from class 0.
 ///
 /// # Errors
 /// [`ReadError`] with the line, what was found and what was expected.
-pub fn read_names(path: &Path) -> Result<ClassNames, ReadError> {
+pub(super) fn read_names(path: &Path) -> Result<ClassNames, ReadError> {
     parse_names(path, &read_bytes(path)?)
 }
 
@@ -38,7 +42,7 @@ pub fn read_names(path: &Path) -> Result<ClassNames, ReadError> {
 ///
 /// # Errors
 /// As [`read_names`].
-pub fn parse_names(path: &Path, bytes: &[u8]) -> Result<ClassNames, ReadError> {
+pub(super) fn parse_names(path: &Path, bytes: &[u8]) -> Result<ClassNames, ReadError> {
     let text = as_utf8(path, bytes)?;
     let is_yaml = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("yaml") || e.eq_ignore_ascii_case("yml"));
     if is_yaml {

@@ -11,24 +11,38 @@ use serde_json::Value;
 
 use super::csv::table;
 use super::files::DetectionFiles;
-use super::table::{Row, Table, TableOptions, is_column};
+use super::names::names;
+use super::table::{Row, Table, TableOptions, is_column, table_options};
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
+use crate::read::format::{DetectionFormat, Format};
 use crate::read::json::{Node, parse_json};
 
-/// Reads the file of a sink: JSON where it begins with a bracket, CSV otherwise.
-///
-/// # Errors
-/// [`ReadError`] with line or entry, what was found and what was expected.
-pub fn read_supervision(path: &Path, options: &TableOptions) -> Result<DetectionFiles, ReadError> {
-    parse_supervision(path, &read_bytes(path)?, options)
-}
+/// The row of this format.
+pub(super) const FORMAT: DetectionFormat = Format {
+    name: "supervision",
+    title: "supervision",
+    about: "The file of supervision's CSVSink or JSONSink",
+    looks: "supervision (a column x_min)",
+    options: &["frame_column", "names", "pixel_centers"],
+    finds: |probe| {
+        let is_header = probe.line()?.is_some_and(|line| line.are_names() && line.have("x_min"));
+        probe.when(is_header || probe.keys()?.has("x_min"))
+    },
+    read: |path, options| {
+        parse_supervision(path, &read_bytes(path)?, &table_options(options, names(options)?.as_ref()))
+    },
+};
 
 /// The detections in the bytes of such a file; the path serves for messages.
 ///
 /// # Errors
-/// As [`read_supervision`].
-pub fn parse_supervision(path: &Path, bytes: &[u8], options: &TableOptions) -> Result<DetectionFiles, ReadError> {
+/// [`ReadError`] with line or entry, what was found and what was expected.
+pub(super) fn parse_supervision(
+    path: &Path,
+    bytes: &[u8],
+    options: &TableOptions,
+) -> Result<DetectionFiles, ReadError> {
     let text = as_utf8(path, bytes)?;
     if text.trim_start().starts_with(['[', '{']) {
         let value = parse_json(path, bytes)?;

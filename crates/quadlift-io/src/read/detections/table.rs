@@ -5,6 +5,7 @@ use std::path::Path;
 use super::files::{ByImage, Detected, DetectionFiles, ImageKey, Numbering, Outline, checked_edges, edges_of_size};
 use super::names::ClassNames;
 use crate::error::ReadError;
+use crate::read::options::ReadOptions;
 
 /// Names of the columns of a box by its edges.
 const EDGES: [[&str; 4]; 5] = [
@@ -37,6 +38,11 @@ pub struct TableOptions<'a> {
     pub frame_column: Option<&'a str>,
     /// Names of the classes.
     pub names: Option<&'a ClassNames>,
+}
+
+/// The options of a table.
+pub(super) fn table_options<'a>(options: &'a ReadOptions, names: Option<&'a ClassNames>) -> TableOptions<'a> {
+    TableOptions { frame_column: options.frame_column.as_deref(), names }
 }
 
 /// A row with its place in the file.

@@ -6,15 +6,19 @@ use quadlift_segment::Rle;
 use serde_json::Value;
 
 use super::coco::{parse_coco, read_coco};
-use super::csv::{TableOptions, parse_csv};
-use super::kitti::parse_kitti_labels;
+use super::csv::parse_csv;
+use super::files::LabelFile;
+use super::kitti_labels::parse_kitti_labels;
 use super::labelme::parse_labelme;
 use super::mot::{MotKind, MotOptions, parse_mot};
 use super::names::parse_names;
-use super::supervision::{parse_supervision, read_supervision};
+use super::supervision::parse_supervision;
+use super::table::TableOptions;
 use super::voc::parse_voc;
 use super::yolo::{ExtraColumns, YoloKind, YoloOptions, parse_yolo, read_yolo};
 use super::*;
+use crate::error::ReadError;
+use crate::read::ReadOptions;
 use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, RleCounts, SceneFile};
 
 fn fixture(name: &str) -> PathBuf {
@@ -98,7 +102,7 @@ fn coco_agrees_with_pycocotools() {
 #[test]
 fn the_sinks_of_supervision_are_read() {
     for name in ["sink.csv", "sink.json"] {
-        let files = read_supervision(&fixture(name), &TableOptions::default()).unwrap();
+        let files = (supervision::FORMAT.read)(&fixture(name), &ReadOptions::default()).unwrap();
         let records = added(files, &["000000", "000001", "000002"]);
         let expected = expected();
         let expected = expected["sinks"].as_array().unwrap();
@@ -112,7 +116,7 @@ fn the_sinks_of_supervision_are_read() {
             assert_eq!(record.category.as_deref(), expected["category"].as_str());
         }
     }
-    let turned = read_supervision(&fixture("turned.csv"), &TableOptions::default()).unwrap();
+    let turned = (supervision::FORMAT.read)(&fixture("turned.csv"), &ReadOptions::default()).unwrap();
     let record = &added(turned, &["a.png"])[0];
     let square = record.oriented_box.as_ref().unwrap();
     assert_eq!(square.center, [20.0, 20.0]);
@@ -468,7 +472,7 @@ fn exports_of_roboflow() {
         );
         make(&format!("voc/train/{image}.xml"), &text);
     }
-    check(crate::read::detections::voc::read_voc(&folder.path().join("voc")).unwrap());
+    check((voc::FORMAT.read)(&folder.path().join("voc"), &ReadOptions::default()).unwrap());
     // TensorFlow's table.
     let rows = [&first, &second].map(|image| format!("{image}.jpg,64,48,cup,16,12,32,36\n")).concat();
     make("_annotations.csv", &format!("filename,width,height,class,xmin,ymin,xmax,ymax\n{rows}"));

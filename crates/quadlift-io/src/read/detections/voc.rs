@@ -11,21 +11,28 @@ use super::files::{
     Detected, DetectedImage, DetectionFiles, ImageKey, LabelFile, Numbering, checked_edges, label_files,
 };
 use crate::error::ReadError;
+use crate::read::format::{DetectionFormat, Format};
 use crate::read::xml::{DocumentType, Element, Xml};
 
-/// Reads a file, or those of a folder and the folders in it.
-///
-/// # Errors
-/// [`ReadError`] with line and column, what was found and what was expected.
-pub fn read_voc(path: &Path) -> Result<DetectionFiles, ReadError> {
-    parse_voc(path, &label_files(path, "xml")?)
-}
+/// The row of this format.
+pub(super) const FORMAT: DetectionFormat = Format {
+    name: "voc",
+    title: "Pascal VOC",
+    about: "Pascal VOC: XML files with boxes, as written by labelImg, CVAT and Roboflow",
+    looks: "Pascal VOC (<annotation>)",
+    options: &[],
+    finds: |probe| match probe.labels("xml")? {
+        Some(first) => probe.when(first.is_xml("annotation")?),
+        None => Ok(None),
+    },
+    read: |path, _| parse_voc(path, &label_files(path, "xml")?),
+};
 
 /// The objects in such files; the path is that of their folder and serves for messages.
 ///
 /// # Errors
-/// As [`read_voc`].
-pub fn parse_voc(path: &Path, files: &[LabelFile]) -> Result<DetectionFiles, ReadError> {
+/// [`ReadError`] with line and column, what was found and what was expected.
+pub(super) fn parse_voc(path: &Path, files: &[LabelFile]) -> Result<DetectionFiles, ReadError> {
     let (mut from_one, mut without_box) = (0, 0);
     let images = files.iter().map(|file| image(file, &mut from_one, &mut without_box)).collect::<Result<_, _>>()?;
     let mut notes = Vec::new();

@@ -10,10 +10,13 @@ use std::path::Path;
 pub use super::yolo_columns::{ExtraColumns, YoloKind};
 
 use super::files::{Detected, DetectedImage, DetectionFiles, ImageKey, LabelFile, Numbering, Outline, label_files};
-use super::names::{ClassNames, read_names};
+use super::names::{ClassNames, names, read_names};
 use super::yolo_columns::{Fields, LabelLine, columns};
 use crate::error::ReadError;
 use crate::input::as_utf8;
+use crate::read::format::{DetectionFormat, Format};
+use crate::read::options::ReadOptions;
+use crate::read::probe::Words;
 use crate::read::text::lines;
 
 /// Files with class names, beside the labels or in one of two parent folders.
@@ -23,9 +26,28 @@ const NAMES: [&str; 5] = ["data.yaml", "dataset.yaml", "classes.txt", "obj.names
 const DESCRIPTIONS: [&str; 2] = ["README.dataset.txt", "README.roboflow.txt"];
 
 /// Whether a text file describes the data set of Roboflow.
-pub(crate) fn is_description(path: &Path) -> bool {
+fn is_description(path: &Path) -> bool {
     DESCRIPTIONS.iter().any(|name| path.ends_with(name))
 }
+
+/// Whether a text file is no label file: names of classes, Roboflow's description of a data set.
+pub(crate) fn is_beside_labels(name: &str) -> bool {
+    name.ends_with("classes.txt") || is_description(Path::new(name))
+}
+
+/// Whether a line holds a class and coordinates, which come before a score or an id.
+pub(super) fn is_label(line: &Words) -> bool {
+    let is_share = |number: &Option<f64>| number.is_some_and(|x| (-0.5..=1.5).contains(&x));
+    !line.commas && line.words.len() >= 5 && line.are_numbers() && line.numbers()[1..5].iter().all(is_share)
+}
+
+/// What may stand after the coordinates, by the values of `--columns`.
+const COLUMNS: [(&str, ExtraColumns); 4] = [
+    ("none", ExtraColumns::None),
+    ("score", ExtraColumns::Score),
+    ("track", ExtraColumns::Track),
+    ("score+track", ExtraColumns::ScoreAndTrack),
+];
 
 /// Coordinates may lie this far outside of the image, as a share of its size.
 const OUTSIDE: f64 = 0.5;
@@ -41,11 +63,30 @@ pub struct YoloOptions<'a> {
     pub names: Option<&'a ClassNames>,
 }
 
+/// The row of this format.
+pub(super) const FORMAT: DetectionFormat = Format {
+    name: "yolo",
+    title: "YOLO",
+    about: "Ultralytics YOLO: label files with boxes, polygons or rotated boxes, and track ids",
+    looks: "YOLO (a folder of .txt with a class and numbers from 0 to 1)",
+    options: &["kind", "columns", "names"],
+    finds: |probe| match probe.labels("txt")? {
+        Some(first) => probe.when(first.line()?.is_some_and(is_label)),
+        None => Ok(None),
+    },
+    read: |path, options| {
+        let shapes = [("box", YoloKind::Box), ("polygon", YoloKind::Polygon), ("obb", YoloKind::TurnedBox)];
+        let kind = ReadOptions::choice(path, ("kind", options.kind.as_ref()), &shapes)?;
+        let extra = ReadOptions::choice(path, ("columns", options.columns.as_ref()), &COLUMNS)?;
+        read_yolo(path, &YoloOptions { kind, extra, names: names(options)?.as_ref() })
+    },
+};
+
 /// Reads a label file, or those of a folder (or of its `labels`) and the folders in it.
 ///
 /// # Errors
 /// [`ReadError`] with the line, what was found and what was expected.
-pub fn read_yolo(path: &Path, options: &YoloOptions) -> Result<DetectionFiles, ReadError> {
+pub(super) fn read_yolo(path: &Path, options: &YoloOptions) -> Result<DetectionFiles, ReadError> {
     let labels = path.join("labels");
     let path = if labels.is_dir() { &labels } else { path };
     let mut files = label_files(path, "txt")?;
@@ -70,7 +111,7 @@ pub fn read_yolo(path: &Path, options: &YoloOptions) -> Result<DetectionFiles, R
 ///
 /// # Errors
 /// As [`read_yolo`].
-pub fn parse_yolo(path: &Path, files: &[LabelFile], options: &YoloOptions) -> Result<DetectionFiles, ReadError> {
+pub(super) fn parse_yolo(path: &Path, files: &[LabelFile], options: &YoloOptions) -> Result<DetectionFiles, ReadError> {
     let mut all_lines = Vec::new();
     let mut ends = Vec::new();
     let mut repeated = 0;

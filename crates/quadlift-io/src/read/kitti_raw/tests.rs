@@ -1,6 +1,8 @@
 use serde_json::Value;
 
 use super::*;
+use crate::read::PixelCenters;
+use std::path::PathBuf;
 
 /// A small drive with invented numbers; pykitti gives its poses.
 fn fixture() -> PathBuf {
@@ -11,13 +13,9 @@ fn drive() -> PathBuf {
     fixture().join("2030_01_02/2030_01_02_drive_0007_sync")
 }
 
-fn options() -> KittiRawOptions {
-    KittiRawOptions { camera: 2, frames: None, calibration: None, pixel_centers: PixelCenters::Half }
-}
-
 #[test]
 fn a_drive_has_the_poses_that_pykitti_gives_it() {
-    let import = read_kitti_raw(&drive(), &options()).unwrap();
+    let import = read_kitti_raw(&drive(), &ReadOptions::default()).unwrap();
     let scene = &import.scene;
     let expected: Value = serde_json::from_slice(&std::fs::read(fixture().join("expected.json")).unwrap()).unwrap();
     assert_eq!((scene.frames.len(), scene.frames[4].id.as_str()), (5, "000004"));
@@ -45,13 +43,13 @@ fn a_drive_has_the_poses_that_pykitti_gives_it() {
 
 #[test]
 fn a_part_of_a_drive_begins_at_its_own_first_frame() {
-    let part = KittiRawOptions { frames: Some(2..=3), pixel_centers: PixelCenters::Integer, ..options() };
+    let part = ReadOptions { frames: Some(2..=3), pixel_centers: PixelCenters::Integer, ..ReadOptions::default() };
     let scene = read_kitti_raw(&drive(), &part).unwrap().scene;
     assert_eq!(scene.frames.iter().map(|frame| frame.id.as_str()).collect::<Vec<_>>(), ["000002", "000003"]);
     assert_eq!((scene.frames[0].time, scene.cameras[0].params[2]), (Some(0.0), 600.5));
     let first = scene.frames[0].cam_from_world.unwrap();
     assert!((first[0][0] - 1.0).abs() < 1e-12 && (first[0][3] - 0.06).abs() < 1e-9, "{first:?}");
-    let none = KittiRawOptions { frames: Some(9..=12), ..options() };
+    let none = ReadOptions { frames: Some(9..=12), ..ReadOptions::default() };
     assert!(read_kitti_raw(&drive(), &none).unwrap_err().problem.contains("none of the requested"));
 }
 

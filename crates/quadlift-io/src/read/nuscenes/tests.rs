@@ -54,14 +54,14 @@ fn tables() -> [Value; 6] {
     [scene, sample, sensor, calibrated, data, pose]
 }
 
-fn parse(tables: &[Value; 6], options: &NuscenesOptions) -> Result<Import, ReadError> {
+fn parse(tables: &[Value; 6], options: &ReadOptions) -> Result<Import, ReadError> {
     let texts = tables.each_ref().map(Value::to_string);
     let names = TABLES.map(|table| format!("{table}.json"));
     parse_nuscenes([0, 1, 2, 3, 4, 5].map(|k| (Path::new(names[k].as_str()), texts[k].as_bytes())), options)
 }
 
-fn of_scene(name: &str) -> NuscenesOptions {
-    NuscenesOptions { scene: Some(name.to_owned()), ..NuscenesOptions::default() }
+fn of_scene(name: &str) -> ReadOptions {
+    ReadOptions { sequence: Some(name.to_owned()), ..ReadOptions::default() }
 }
 
 /// Where a point of the world is in the camera of a frame.
@@ -93,10 +93,10 @@ fn cameras_of_a_scene_are_read() {
     assert_eq!(camera.params, [1266.5, 1266.5, 816.25, 491.5]);
     assert_eq!((import.scene.up, import.scene.length_unit.as_deref()), (Some([0.0, 0.0, 1.0]), Some("m")));
     assert!(import.notes.iter().any(|note| note == "1 image between the key frames left out"));
-    let with_sweeps = parse(&tables(), &NuscenesOptions { sweeps: true, ..of_scene("scene-0061") }).unwrap();
+    let with_sweeps = parse(&tables(), &ReadOptions { sweeps: true, ..of_scene("scene-0061") }).unwrap();
     assert_eq!(with_sweeps.scene.frames[2].id, "sweeps/CAM_FRONT/15.jpg");
     assert_eq!(rig_frames(&with_sweeps), [None; 4]);
-    let back = NuscenesOptions { channels: vec!["CAM_BACK".to_owned()], ..of_scene("scene-0061") };
+    let back = ReadOptions { channels: vec!["CAM_BACK".to_owned()], ..of_scene("scene-0061") };
     let back = parse(&tables(), &back).unwrap();
     assert_eq!((back.scene.frames.len(), back.scene.cameras.len()), (1, 1));
     assert_eq!(rig_frames(&back), [None]);
@@ -149,10 +149,10 @@ fn what_is_wrong_is_named_with_its_row() {
         change(&mut tables[table]);
         parse(&tables, &of_scene("scene-0061")).unwrap_err().to_string()
     };
-    insta::assert_snapshot!(parse(&tables(), &NuscenesOptions::default()).unwrap_err(), @"scene.json: choose a scene; the tables have 2 scenes: scene-0061, scene-0103");
+    insta::assert_snapshot!(parse(&tables(), &ReadOptions::default()).unwrap_err(), @"scene.json: choose a scene; the tables have 2 scenes: scene-0061, scene-0103");
     insta::assert_snapshot!(parse(&tables(), &of_scene("scene-1")).unwrap_err(), @r#"scene.json: there is no scene "scene-1"; the tables have 2 scenes: scene-0061, scene-0103"#);
     let channels = vec!["CAM_TOP".to_owned()];
-    let camera = NuscenesOptions { channels, ..of_scene("scene-0061") };
+    let camera = ReadOptions { channels, ..of_scene("scene-0061") };
     insta::assert_snapshot!(parse(&tables(), &camera).unwrap_err(), @r#"sensor.json: there is no camera "CAM_TOP"; there are CAM_BACK, CAM_FRONT"#);
     insta::assert_snapshot!(message(0, &|t| *t = json!({"a": 1})), @"scene.json: found an object {...}, expected a list of rows");
     insta::assert_snapshot!(message(1, &|t| { t[1].as_object_mut().unwrap().remove("scene_token"); }), @"sample.json: [1]: missing field `scene_token`");

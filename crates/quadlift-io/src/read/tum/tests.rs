@@ -1,20 +1,15 @@
 use super::*;
+use crate::read::PixelCenters;
 use nalgebra::{Rotation3, UnitQuaternion, Vector4};
 
-fn options<'a>() -> TumOptions<'a> {
-    TumOptions {
-        intrinsics: Path::new("calib.txt"),
-        image_size: Some([640.0, 480.0]),
-        image_list: None,
-        time_tolerance: 0.02,
-        pixel_centers: PixelCenters::Half,
-    }
+fn options() -> ReadOptions {
+    ReadOptions { image_size: Some([640.0, 480.0]), ..ReadOptions::default() }
 }
 
 fn parse(trajectory: &str, calib: &str, images: Option<&str>) -> Result<Import, ReadError> {
-    let options = TumOptions { image_list: images.map(|_| Path::new("rgb.txt")), ..options() };
+    let options = ReadOptions { image_list: images.map(|_| "rgb.txt".into()), ..options() };
     let trajectory = (Path::new("traj.txt"), trajectory.as_bytes());
-    parse_tum(trajectory, calib.as_bytes(), images.map(str::as_bytes), &options)
+    parse_tum(trajectory, (Path::new("calib.txt"), calib.as_bytes()), images.map(str::as_bytes), &options)
 }
 
 #[test]
@@ -58,8 +53,8 @@ fn intrinsics_come_in_several_forms() {
             ("SIMPLE_RADIAL", [50.0, 50.0, 40.0, 0.1].as_slice())
         );
     }
-    let shifted = TumOptions { pixel_centers: PixelCenters::Integer, ..options() };
-    let import = parse_tum((Path::new("t"), pose.as_bytes()), b"1 2 3 4", None, &shifted).unwrap();
+    let shifted = ReadOptions { pixel_centers: PixelCenters::Integer, ..options() };
+    let import = parse_tum((Path::new("t"), pose.as_bytes()), (Path::new("c"), b"1 2 3 4"), None, &shifted).unwrap();
     assert_eq!(import.scene.cameras[0].params, [1.0, 2.0, 3.5, 4.5]);
 }
 
