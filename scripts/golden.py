@@ -120,6 +120,17 @@ def blocks_of(page):
     return re.findall(r"^```([^\n]*)\n(.*?)^```$", page, re.M | re.S)
 
 
+def parts_of(path):
+    """The parts of a page whose files belong together, with their names: of a page of formats the sections that have commands,
+    each after the beginning of the page, of other pages all. As in the program's test of the pages."""
+    text = path.read_text()
+    start, *sections = text.split("\n## ")
+    sections = [section for section in sections if "\n```sh\n" in section]
+    if path.parent.name != "formats" or not sections:
+        return [(path, path.stem, text)]
+    return [(path, f"{path.stem}-{number}", f"{start}\n## {section}") for number, section in enumerate(sections)]
+
+
 def record(program, folder):
     """Runs all cases; gives their lines."""
     shutil.rmtree(folder, ignore_errors=True)
@@ -216,14 +227,15 @@ def record(program, folder):
     lines += cases.run()
 
     # 4: the files and commands of the pages, one folder each, in their order.
-    def page(path):
-        name, place = path.stem, folder / "pages" / path.stem
-        data, texts = ROOT / "docs/data" / path.stem.replace("tutorial", "tutorial-colmap-yolo"), []
+    def page(part):
+        path, name, content = part
+        place, texts = folder / "pages" / name, []
+        data = ROOT / "docs/data" / path.stem.replace("tutorial", "tutorial-colmap-yolo")
         place.mkdir(parents=True)
         if data.is_dir():
             shutil.copytree(data, place, dirs_exist_ok=True)
         found = []
-        for number, (kind, text) in enumerate(blocks_of(path.read_text())):
+        for kind, text in blocks_of(content):
             kind, _, file = kind.partition(" ")
             if kind in ("json", "text", "toml") and file:
                 (place / file).parent.mkdir(parents=True, exist_ok=True)
@@ -243,7 +255,7 @@ def record(program, folder):
 
     pages = [*sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs/formats").glob("*.md"))]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for found in pool.map(page, pages):
+        for found in pool.map(page, [part for path in pages for part in parts_of(path)]):
             lines += found
     return lines
 
