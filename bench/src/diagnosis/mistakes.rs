@@ -21,6 +21,8 @@ pub(super) enum NamedMistake {
     ScaleJump(f64),
     /// This share of the frames, the last ones, has the pose of the frame before them.
     RepeatedPoses(f64),
+    /// This share of the frames, spread evenly, has another convention.
+    SomeFrames(Correction, f64),
     /// Ids are numbers in each frame, from left to right.
     MixedIds,
 }
@@ -47,12 +49,19 @@ pub(super) fn all() -> Vec<NamedMistake> {
         BoxFormat::CornersReadAsSize,
         BoxFormat::CenterReadAsCorner,
         BoxFormat::CornerReadAsCenter,
+        BoxFormat::CornersReadAsCenter,
         BoxFormat::SwappedAxes,
     ];
     all.extend(formats.map(Correction::Boxes));
+    for (orientation, fractions) in [(2, false), (3, false), (6, false), (8, false), (6, true), (8, true)] {
+        all.push(Correction::TurnedPictures { orientation, fractions });
+    }
     let mut all: Vec<NamedMistake> = all.into_iter().map(NamedMistake::Undone).collect();
     all.extend([0.5, 1.3].map(NamedMistake::ScaleJump));
     all.extend([0.3, 0.6].map(NamedMistake::RepeatedPoses));
+    for correction in [Correction::OpenGlAxes, Correction::BodyAxes, Correction::InvertPoses] {
+        all.extend([0.5, 0.3, 0.15].map(|share| NamedMistake::SomeFrames(correction, share)));
+    }
     all.push(NamedMistake::MixedIds);
     all
 }
@@ -69,17 +78,20 @@ impl NamedMistake {
     pub(super) fn name(&self) -> String {
         let value = match self {
             Self::Undone(correction) => correction.value(),
-            Self::ScaleJump(x) | Self::RepeatedPoses(x) => Some(*x),
+            Self::ScaleJump(x) | Self::RepeatedPoses(x) | Self::SomeFrames(_, x) => Some(*x),
             Self::MixedIds => None,
         };
         let name = self.cause().name();
+        if let Self::SomeFrames(_, share) = self {
+            return format!("{name} in {:.0} % of the frames", 100.0 * share);
+        }
         value.map_or_else(|| name.to_owned(), |value| format!("{name} {value}"))
     }
 
     /// The expected causes.
     pub(super) fn cause(&self) -> CauseName {
         match self {
-            Self::Undone(correction) => correction.cause(),
+            Self::Undone(correction) | Self::SomeFrames(correction, _) => correction.cause(),
             Self::ScaleJump(_) => CauseName::ScaleJump,
             Self::RepeatedPoses(_) => CauseName::DuplicatePoses,
             Self::MixedIds => CauseName::ObjectIds,
@@ -96,6 +108,15 @@ impl NamedMistake {
                 let last = ((1.0 - share) * scene.frames.len() as f64) as usize;
                 let held = scene.frames.get(last.saturating_sub(1))?.projection;
                 wrong.frames.iter_mut().skip(last).for_each(|frame| frame.projection = held);
+                Scene::from_parts(wrong).ok()?
+            }
+            Self::SomeFrames(correction, share) => {
+                let mut wrong = scene.clone().into_parts();
+                let others = Mistake(correction).apply(scene);
+                for (k, (frame, other)) in wrong.frames.iter_mut().zip(&others.frames).enumerate() {
+                    let is_wrong = ((k + 1) as f64 * share).floor() > (k as f64 * share).floor();
+                    frame.projection = if is_wrong { other.projection } else { frame.projection };
+                }
                 Scene::from_parts(wrong).ok()?
             }
             Self::MixedIds => with_mixed_ids(scene)?,

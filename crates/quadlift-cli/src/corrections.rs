@@ -59,6 +59,8 @@ pub fn corrections_of(assumptions: &[Assumption]) -> anyhow::Result<Vec<RecordCo
 pub struct DetectionPixels {
     /// Width and height in pixels of the images on which the detector ran.
     pub image_size: Option<[f64; 2]>,
+    /// Whether the pictures are turned by 90 degrees, which a correction undoes.
+    pub turned: bool,
     /// The number that the detections give to frame number 0.
     pub frame_offset: Option<i64>,
 }
@@ -71,6 +73,10 @@ impl DetectionPixels {
             match *correction {
                 RecordCorrection::ImageSize(size) => found.image_size = Some(size),
                 RecordCorrection::FrameOffset(offset) => found.frame_offset = Some(offset),
+                RecordCorrection::Known(Correction::TurnedPictures { orientation, .. }) => {
+                    found.turned = orientation > 4;
+                    return true;
+                }
                 _ => return true,
             }
             false

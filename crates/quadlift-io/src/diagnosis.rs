@@ -8,6 +8,7 @@ use crate::correct::RecordCorrection;
 use crate::correct::assume::{option_of, short};
 use crate::correct::usual_width;
 use crate::scene_file::SceneFile;
+use crate::wording::some_of;
 
 /// What is known about a scene file when its mistakes are reported.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -91,6 +92,9 @@ pub struct CauseRecord {
     pub option: Option<String>,
     /// Its parameter.
     pub value: Option<f64>,
+    /// The ids of the frames that have the mistake; empty if all have it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub frames: Vec<String>,
     /// The correction, which files do not hold.
     #[serde(skip)]
     pub correction: Option<Correction>,
@@ -141,6 +145,7 @@ impl CauseRecord {
             name: cause.name,
             option: context.option(cause),
             value: cause.value,
+            frames: cause.frames.clone(),
             correction: cause.correction,
         }
     }
@@ -152,14 +157,21 @@ impl CauseRecord {
     }
 
     fn mistake(&self) -> String {
-        mistake_in_words(self.name, self.value, self.correction)
+        let mistake = mistake_in_words(self.name, self.value, self.correction);
+        if self.frames.is_empty() {
+            return mistake;
+        }
+        let share = 100.0 * self.value.unwrap_or_default();
+        format!("in {:.0} % of the frames ({}) {mistake}", share, some_of(&self.frames))
     }
 
     /// The same with the agreement before and after the correction.
     fn with_evidence(&self) -> String {
         let mut text = self.mistake();
-        // Boxes do not show the direction of gravity or the unit of length.
-        if !matches!(self.name, CauseName::Up | CauseName::LengthUnit) {
+        // Boxes do not show the direction of gravity or the unit of length, and the others say how far the boxes are off.
+        let says_it =
+            matches!(self.name, CauseName::Up | CauseName::LengthUnit | CauseName::EdgeNoise | CauseName::HeldOutViews);
+        if !says_it && self.frames.is_empty() {
             text.push_str(&format!(": {}", miss_in_words(self.before)));
         }
         if self.after < self.before {
@@ -239,6 +251,30 @@ pub fn mistake_in_words(name: CauseName, parameter: Option<f64>, correction: Opt
         CauseName::FrameOffset => frame_offset(parameter.unwrap_or_default()),
         CauseName::FrameOrder => "the detections and the poses are in different frame orders".to_owned(),
         CauseName::ObjectIds => "the object ids switch between objects".to_owned(),
+        CauseName::PictureOrientation => {
+            let turn = match parameter.unwrap_or_default() as u8 {
+                2 => "mirrored",
+                3 => "turned by 180 degrees",
+                4 => "mirrored top to bottom",
+                5 => "mirrored along the diagonal",
+                6 => "turned by 90 degrees clockwise",
+                7 => "mirrored along the other diagonal",
+                _ => "turned by 90 degrees counterclockwise",
+            };
+            format!(
+                "the boxes were measured in pictures that are {turn} against the cameras', as by their EXIF orientation"
+            )
+        }
+        CauseName::ContradictingFrames => "the boxes contradict those of the other frames".to_owned(),
+        CauseName::EdgeNoise => format!(
+            "the objects do not explain the boxes: their edges are off by {:.0} % of the half size; poses, boxes, depths or ids contradict \
+             each other, and no common mistake explains it",
+            100.0 * parameter.unwrap_or_default()
+        ),
+        CauseName::HeldOutViews => format!(
+            "boxes are not where the other views predict them: their IoU is {} on average, with right poses, boxes and ids about 0.9",
+            value(2)
+        ),
         CauseName::DuplicatePoses => {
             let share = parameter.unwrap_or_default();
             format!("{:.0} % of the frames repeat the pose of another frame but show different boxes", 100.0 * share)
@@ -263,6 +299,7 @@ fn box_format(correction: Option<Correction>) -> &'static str {
         BoxFormat::CornersReadAsSize => "two corners were read as a corner and a size",
         BoxFormat::CenterReadAsCorner => "centre and size were read as corner and size",
         BoxFormat::CornerReadAsCenter => "corner and size were read as centre and size",
+        BoxFormat::CornersReadAsCenter => "two corners were read as a center and a size",
         BoxFormat::SwappedAxes => "they are y0, x0, y1, x1",
     }
 }

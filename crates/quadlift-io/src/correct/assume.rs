@@ -27,7 +27,7 @@ pub const POSES: [(&str, Correction); 13] = [
 ];
 
 /// The values of `boxes`: what the four numbers of a box are.
-pub const BOXES: [(&str, Option<BoxFormat>); 7] = [
+pub const BOXES: [(&str, Option<BoxFormat>); 8] = [
     ("xyxy", None),
     ("xywh", Some(BoxFormat::SizeReadAsCorners)),
     ("cxcywh", Some(BoxFormat::CenterSizeReadAsCorners)),
@@ -35,6 +35,7 @@ pub const BOXES: [(&str, Option<BoxFormat>); 7] = [
     ("xyxy-as-xywh", Some(BoxFormat::CornersReadAsSize)),
     ("cxcywh-as-xywh", Some(BoxFormat::CenterReadAsCorner)),
     ("xywh-as-cxcywh", Some(BoxFormat::CornerReadAsCenter)),
+    ("xyxy-as-cxcywh", Some(BoxFormat::CornersReadAsCenter)),
 ];
 
 /// The values of `intrinsics`: what the focal lengths and the principal point of the file are.
@@ -47,6 +48,9 @@ const FRAME_ORDERS: [(&str, Correction); 3] = [
     ("numeric", Correction::NumericFrames),
     ("reversed", Correction::ReversedFrames),
 ];
+
+/// What follows an orientation whose boxes were fractions of the turned picture.
+const OF_FRACTIONS: &str = "-fractions";
 
 /// The value of `box_scale` for boxes that are fractions of the image.
 const NORMALIZED: &str = "normalized";
@@ -64,7 +68,7 @@ pub struct Key {
 }
 
 /// The keys, as help and errors list them; the corrections themselves know the order in which they are applied.
-pub const KEYS: [Key; 11] = [
+pub const KEYS: [Key; 12] = [
     Key {
         name: "poses",
         value: "NAME",
@@ -95,7 +99,7 @@ pub const KEYS: [Key; 11] = [
         name: "boxes",
         value: "NAME",
         meaning: "format of the boxes if not the corners xyxy: xywh, cxcywh or yxyx; or how they were misread: xyxy-as-xywh, \
-                  cxcywh-as-xywh, xywh-as-cxcywh",
+                  cxcywh-as-xywh, xywh-as-cxcywh, xyxy-as-cxcywh",
         read: |text| Ok(of_name(&BOXES, text)?.map(|format| RecordCorrection::Known(Correction::Boxes(format)))),
     },
     Key {
@@ -120,6 +124,13 @@ pub const KEYS: [Key; 11] = [
         value: "WxH",
         meaning: "size of the images in which the boxes were measured, if not that of the cameras",
         read: |text| Ok(Some(RecordCorrection::ImageSize(image_size(text)?))),
+    },
+    Key {
+        name: "orientation",
+        value: "N",
+        meaning: "EXIF orientation of the pictures, 2 to 8, which the detector's boxes follow and the cameras do not: 6 where it \
+                  saw them turned by 90 degrees clockwise; such as 6-fractions for fractions of a turned picture (YOLO)",
+        read: |text| known(orientation(text)?),
     },
     Key {
         name: "pose_unit",
@@ -212,6 +223,17 @@ fn letterbox([width, height]: [f64; 2]) -> RecordCorrection {
     }
 }
 
+/// Reads an EXIF orientation, such as `6` or `6-fractions`.
+fn orientation(text: &str) -> Result<Correction, String> {
+    let (number, fractions) = text.strip_suffix(OF_FRACTIONS).map_or((text, false), |number| (number, true));
+    match number.parse() {
+        Ok(orientation @ 2..=8) => Ok(Correction::TurnedPictures { orientation, fractions }),
+        _ => Err(format!(
+            "expected an EXIF orientation from 2 to 8, or one with {OF_FRACTIONS}, such as 6{OF_FRACTIONS}"
+        )),
+    }
+}
+
 /// The length of a unit in metres.
 fn pose_unit(text: &str) -> Result<f64, String> {
     let length = text.parse().ok().filter(|length: &f64| length.is_finite() && *length > 0.0);
@@ -263,6 +285,9 @@ pub fn option_of(correction: &Correction, image_size: Option<[f64; 2]>, frame_of
             _ => ("box_scale", short(factor)),
         },
         Correction::Letterbox(side) => ("letterbox", format!("{0}x{0}", usual_width(side))),
+        Correction::TurnedPictures { orientation, fractions } => {
+            ("orientation", format!("{orientation}{}", if fractions { OF_FRACTIONS } else { "" }))
+        }
         Correction::FrameOffset(frames) => ("frame_offset", (frame_offset - i64::from(frames)).to_string()),
         Correction::Boxes(format) => ("boxes", name_of(&BOXES, &Some(format)).to_owned()),
         Correction::NormalizedIntrinsics | Correction::CenteredPrincipalPoint => {

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use nalgebra::Vector2;
-use quadlift::diagnosis::Correction;
+use quadlift::diagnosis::{Correction, PixelMap};
 use quadlift::geometry::{Ellipse, OrientedBox};
 
 use crate::error::EntryError;
@@ -12,7 +12,10 @@ use crate::scene_file::{DetectionRecord, SceneFile};
 /// Corrects the boxes, turned boxes, ellipses, outlines and polygons of all detections; returns their number. Label images and RLE are not
 /// changed: they have their own size.
 pub(super) fn correct(file: &mut SceneFile, correction: &Correction) -> Result<usize, EntryError> {
-    let needs_size = matches!(correction, Correction::NormalizedBoxes | Correction::Letterbox(_));
+    let needs_size = matches!(
+        correction,
+        Correction::NormalizedBoxes | Correction::Letterbox(_) | Correction::TurnedPictures { .. }
+    );
     change(file, |record, size| {
         if needs_size && size.is_none() {
             return Err(UNKNOWN_SIZE);
@@ -39,8 +42,11 @@ pub(super) fn from_image_size(file: &mut SceneFile, measured: [f64; 2]) -> Resul
         let factor = size.component_div(&Vector2::from(measured));
         if factor != Vector2::repeat(1.0) {
             scaled += 1;
-            // A share of the measured image, times the size of the camera's.
-            map(record, &Correction::NormalizedBoxes, Some(factor))?;
+            let map = PixelMap::scaling(factor, Vector2::zeros());
+            if let Some(edges) = &mut record.bounding_box {
+                *edges = map.edges(*edges);
+            }
+            map_shapes(record, &map);
         }
         Ok(())
     })?;
@@ -57,18 +63,11 @@ pub(super) fn from_letterbox(file: &mut SceneFile, letterbox: [f64; 2]) -> Resul
         // The image was scaled by this, and moved by the margins.
         let gain = letterbox.component_div(&size).min();
         let shift = -0.5 * (letterbox / gain - size);
+        let map = PixelMap::scaling(Vector2::repeat(1.0 / gain), shift);
         if let Some(edges) = &mut record.bounding_box {
-            *edges = [0, 1, 2, 3].map(|k| edges[k] / gain + shift[k % 2]);
+            *edges = map.edges(*edges);
         }
-        if let Some(ellipse) = &mut record.ellipse {
-            ellipse.center = [0, 1].map(|k| ellipse.center[k] / gain + shift[k]);
-            ellipse.semi_axes = ellipse.semi_axes.map(|x| x / gain);
-        }
-        if let Some(turned) = &mut record.oriented_box {
-            turned.center = [0, 1].map(|k| turned.center[k] / gain + shift[k]);
-            turned.size = turned.size.map(|x| x / gain);
-        }
-        map_polygons(record, Vector2::repeat(1.0 / gain), shift);
+        map_shapes(record, &map);
         Ok(())
     })
 }
@@ -99,14 +98,18 @@ fn map(
     if let Some(edges) = &mut record.bounding_box {
         *edges = correction.edges(*edges, image_size).ok_or("the box cannot be corrected")?;
     }
-    let Some((factor, shift)) = correction.pixel_map(image_size) else { return Ok(()) };
-    if (factor, shift) == (Vector2::repeat(1.0), Vector2::zeros()) {
-        return Ok(());
+    if let Some(map) = correction.pixel_map(image_size).filter(|map| *map != PixelMap::IDENTITY) {
+        map_shapes(record, &map);
     }
+    Ok(())
+}
+
+/// Maps the ellipse, the turned box and the points of masks and outlines.
+fn map_shapes(record: &mut DetectionRecord, map: &PixelMap) {
     if let Some(ellipse) = &mut record.ellipse {
         // `to_scene` reports invalid ellipses.
         let given = Ellipse::new(ellipse.center.into(), ellipse.semi_axes.into(), ellipse.angle).ok();
-        if let Some(corrected) = given.and_then(|given| correction.ellipse(&given, image_size)) {
+        if let Some(corrected) = given.and_then(|given| map.ellipse(&given).ok()) {
             let extra = std::mem::take(&mut ellipse.extra);
             **ellipse = corrected.into();
             ellipse.extra = extra;
@@ -117,26 +120,20 @@ fn map(
         && let Ok(given) = turned.turned_box()
     {
         // The corners that follow each other along the width and across it; a factor that differs makes a parallelogram of them.
-        let [a, b, c, d] = given.corners().map(|corner| corner.component_mul(&factor) + shift);
+        let [a, b, c, d] = given.corners().map(|corner| map.point(corner));
         if let Some(corrected) = OrientedBox::of_corners([c, d, a, b]) {
             let extra = std::mem::take(&mut turned.extra);
             **turned = corrected.into();
             turned.extra = extra;
         }
     }
-    map_polygons(record, factor, shift);
-    Ok(())
-}
-
-/// Maps the points of masks and outlines.
-fn map_polygons(record: &mut DetectionRecord, factor: Vector2<f64>, shift: Vector2<f64>) {
-    for [x, y] in record.outline.as_deref_mut().into_iter().flatten() {
-        (*x, *y) = (*x * factor.x + shift.x, *y * factor.y + shift.y);
+    for point in record.outline.as_deref_mut().into_iter().flatten() {
+        *point = map.point((*point).into()).into();
     }
     let polygons = record.mask.as_mut().and_then(|mask| mask.polygons.as_mut());
     for coordinates in polygons.into_iter().flatten() {
-        for (index, x) in coordinates.iter_mut().enumerate() {
-            *x = *x * factor[index % 2] + shift[index % 2];
+        for pair in coordinates.chunks_exact_mut(2) {
+            pair.copy_from_slice(map.point(Vector2::new(pair[0], pair[1])).as_slice());
         }
     }
 }

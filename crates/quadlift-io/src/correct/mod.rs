@@ -71,7 +71,11 @@ fn apply(file: &mut SceneFile, correction: &Correction) -> Result<String, EntryE
             let cameras = cameras::add_lens(file, *coefficient)?;
             format!("{} received a lens model with the radial coefficient {coefficient}", count(cameras, "camera"))
         }
-        Correction::ImageScale(_) | Correction::Letterbox(_) | Correction::NormalizedBoxes | Correction::Boxes(_) => {
+        Correction::ImageScale(_)
+        | Correction::Letterbox(_)
+        | Correction::NormalizedBoxes
+        | Correction::TurnedPictures { .. }
+        | Correction::Boxes(_) => {
             let detections = boxes::correct(file, correction)?;
             format!("the boxes of {} were corrected", count(detections, "detection"))
         }

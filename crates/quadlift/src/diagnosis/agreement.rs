@@ -24,6 +24,12 @@ const WORTH_A_WARNING: f64 = 0.1;
 /// After a correction that explains a disagreement the boxes agree.
 const AGREES: f64 = 0.5;
 
+/// Of the boxes that do not agree it leaves at most this share...
+const UNEXPLAINED: f64 = 1.0 / 3.0;
+
+/// ...and this share of all boxes.
+const FEW_WRONG: f64 = 0.05;
+
 /// How consistent a scene is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Agreement {
@@ -39,6 +45,7 @@ pub struct Agreement {
 /// How much better a hypothesis explains the boxes of a sample.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Improvement {
+    pub before: Agreement,
     pub after: Agreement,
     /// The mean decrease of half the negative log likelihood of a box, which is about that of the logarithm of its miss.
     pub gain: f64,
@@ -51,7 +58,9 @@ pub(crate) struct Improvement {
 impl Improvement {
     /// Whether the hypothesis is accepted, given these numbers of boxes and objects.
     pub(crate) fn explains(&self, boxes: usize, objects: usize) -> bool {
-        if self.after.miss > AGREES || boxes < FEWEST_BOXES {
+        let [wrong_before, wrong_after] = [self.before, self.after].map(|agreement| 1.0 - agreement.share);
+        let explains_enough = wrong_after <= UNEXPLAINED * wrong_before + FEW_WRONG;
+        if self.after.miss > AGREES || !explains_enough || boxes < FEWEST_BOXES {
             return false;
         }
         if boxes >= ENOUGH_BOXES && objects >= ENOUGH_OBJECTS {

@@ -42,6 +42,8 @@ pub enum CauseName {
     ImageSize,
     /// Boxes were measured in letterboxed images.
     Letterbox,
+    /// Boxes were measured in pictures turned or mirrored against the camera, as by their EXIF orientation.
+    PictureOrientation,
     /// Boxes are in units of the image size.
     NormalizedBoxes,
     /// The four numbers of a box were read in another format.
@@ -56,17 +58,23 @@ pub enum CauseName {
     ObjectIds,
     /// Frames have the pose of another frame, although they show something else.
     DuplicatePoses,
+    /// The boxes of some frames contradict those of the others.
+    ContradictingFrames,
     /// The trajectory changes its scale.
     ScaleJump,
     /// `up` is not the direction in which the cameras are upright.
     Up,
     /// Lengths do not fit the priors on sizes: they are in another unit.
     LengthUnit,
+    /// The estimates explain the boxes only with errors of their edges that explain anything.
+    EdgeNoise,
+    /// Boxes are not where the other views predict them.
+    HeldOutViews,
 }
 
 impl CauseName {
     /// All causes.
-    pub const ALL: [Self; 26] = [
+    pub const ALL: [Self; 30] = [
         Self::CameraToWorld,
         Self::OpenGlAxes,
         Self::OpenGlCameraToWorld,
@@ -83,6 +91,7 @@ impl CauseName {
         Self::MissingDistortion,
         Self::ImageSize,
         Self::Letterbox,
+        Self::PictureOrientation,
         Self::NormalizedBoxes,
         Self::BoxFormat,
         Self::SwappedXy,
@@ -90,9 +99,12 @@ impl CauseName {
         Self::FrameOrder,
         Self::ObjectIds,
         Self::DuplicatePoses,
+        Self::ContradictingFrames,
         Self::ScaleJump,
         Self::Up,
         Self::LengthUnit,
+        Self::EdgeNoise,
+        Self::HeldOutViews,
     ];
 
     /// The name in files.
@@ -114,6 +126,7 @@ impl CauseName {
             Self::MissingDistortion => "missing_distortion",
             Self::ImageSize => "image_size",
             Self::Letterbox => "letterbox",
+            Self::PictureOrientation => "picture_orientation",
             Self::NormalizedBoxes => "normalized_boxes",
             Self::BoxFormat => "box_format",
             Self::SwappedXy => "swapped_xy",
@@ -121,26 +134,32 @@ impl CauseName {
             Self::FrameOrder => "frame_order",
             Self::ObjectIds => "object_ids",
             Self::DuplicatePoses => "duplicate_poses",
+            Self::ContradictingFrames => "contradicting_frames",
             Self::ScaleJump => "scale_jump",
             Self::Up => "up",
             Self::LengthUnit => "length_unit",
+            Self::EdgeNoise => "edge_noise",
+            Self::HeldOutViews => "held_out_views",
         }
     }
 }
 
 /// A mistake that explains why a scene is inconsistent.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Cause {
     /// Which mistake.
     pub name: CauseName,
     /// Its parameter: the factor on focal lengths (`focal_length`), the factor on the box coordinates (`image_size`),
     /// the side of the letterboxed image in pixels (`letterbox`), the coefficient of a radial lens
-    /// (`missing_distortion`), the number of frames (`frame_offset`), the fraction of the frames (`duplicate_poses`),
-    /// the factor on the later part of the trajectory (`scale_jump`), the factor on all lengths (`length_unit`). Absent
+    /// (`missing_distortion`), the EXIF orientation (`picture_orientation`), the number of frames (`frame_offset`), the fraction of the frames (`duplicate_poses`),
+    /// the factor on the later part of the trajectory (`scale_jump`), the factor on all lengths (`length_unit`), the noise in half sizes of the boxes (`edge_noise`), the mean IoU
+    /// (`held_out_views`); with [`Self::frames`] their share. Absent
     /// if the mistake has no parameter.
     pub value: Option<f64>,
     /// The correction, if there is one.
     pub correction: Option<Correction>,
+    /// The ids of the frames that have the mistake; empty if all have it.
+    pub frames: Vec<String>,
     /// Agreement of the scene as it is.
     pub before: Agreement,
     /// Agreement after the correction; equal to `before` if boxes do not determine the mistake.
@@ -150,6 +169,12 @@ pub struct Cause {
 impl Cause {
     /// The cause that a correction corrects.
     pub(crate) fn new(correction: Correction, before: Agreement, after: Agreement) -> Self {
-        Self { name: correction.cause(), value: correction.value(), correction: Some(correction), before, after }
+        let value = correction.value();
+        Self { correction: Some(correction), value, after, ..Self::unexplained(correction.cause(), before) }
+    }
+
+    /// A cause without a number and a correction.
+    pub(crate) fn unexplained(name: CauseName, before: Agreement) -> Self {
+        Self { name, value: None, correction: None, frames: Vec::new(), before, after: before }
     }
 }

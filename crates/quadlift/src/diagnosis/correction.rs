@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Point3, Quaternion, Rotation3, UnitQuaternion, Vector2, 
 
 use super::camera::CameraParts;
 use super::frame_order::{lexicographic_places, natural_places};
+use super::pixel_map::PixelMap;
 use crate::geometry::{BoundingBox, Ellipse, Intrinsics};
 
 /// How the numbers of a box were read, and how they are meant.
@@ -23,6 +24,8 @@ pub enum BoxFormat {
     SizeReadAsCorners,
     /// Centre and size were read as two corners: `[cx, cy, w, h]` as `[x0, y0, x1, y1]`.
     CenterSizeReadAsCorners,
+    /// Two corners were read as centre and size: `[x0, y0, x1, y1]` as `[cx, cy, w, h]`.
+    CornersReadAsCenter,
     /// x and y are exchanged: `[y0, x0, y1, x1]` was read as `[x0, y0, x1, y1]`.
     SwappedAxes,
 }
@@ -70,6 +73,14 @@ pub enum Correction {
     Letterbox(f64),
     /// The boxes are in units of the image's width and height.
     NormalizedBoxes,
+    /// The boxes were measured in pictures that were turned or mirrored against those of the cameras, as viewers turn them by
+    /// the EXIF orientation.
+    TurnedPictures {
+        /// The EXIF orientation, 2 to 8: 6 where the pictures were turned by 90 degrees clockwise.
+        orientation: u8,
+        /// Whether the boxes were fractions of the turned picture that were multiplied by the sides of the camera's.
+        fractions: bool,
+    },
     /// The numbers of the boxes were read in another order.
     Boxes(BoxFormat),
     /// Detections of frame k belong to frame k + n.
@@ -198,42 +209,37 @@ impl Correction {
             Self::Boxes(BoxFormat::CornersReadAsSize) => [x0, y0, w, h],
             Self::Boxes(BoxFormat::CenterReadAsCorner) => [x0 - 0.5 * w, y0 - 0.5 * h, x1 - 0.5 * w, y1 - 0.5 * h],
             Self::Boxes(BoxFormat::CornerReadAsCenter) => [x0 + 0.5 * w, y0 + 0.5 * h, x1 + 0.5 * w, y1 + 0.5 * h],
+            Self::Boxes(BoxFormat::CornersReadAsCenter) => [0.5 * (x0 + x1), 0.5 * (y0 + y1), w, h],
             Self::Boxes(BoxFormat::SizeReadAsCorners) => [x0, y0, x0 + x1, y0 + y1],
             Self::Boxes(BoxFormat::CenterSizeReadAsCorners) => {
                 [x0 - 0.5 * x1, y0 - 0.5 * y1, x0 + 0.5 * x1, y0 + 0.5 * y1]
             }
             Self::Boxes(BoxFormat::SwappedAxes) => [y0, x0, y1, x1],
-            _ => {
-                let (factor, shift) = self.pixel_map(image_size)?;
-                [x0 * factor.x + shift.x, y0 * factor.y + shift.y, x1 * factor.x + shift.x, y1 * factor.y + shift.y]
-            }
+            _ => self.pixel_map(image_size)?.edges([x0, y0, x1, y1]),
         })
     }
 
     /// The corrected ellipse; `None` if there is none. Box formats and lenses do not change ellipses.
     pub fn ellipse(&self, ellipse: &Ellipse, image_size: Option<Vector2<f64>>) -> Option<Ellipse> {
-        let (factor, shift) = self.pixel_map(image_size)?;
-        if factor == Vector2::repeat(1.0) && shift == Vector2::zeros() {
-            return Some(*ellipse);
-        }
-        let scale = nalgebra::Matrix2::from_diagonal(&factor);
-        let center = ellipse.center.component_mul(&factor) + shift;
-        Ellipse::from_shape(center, &(scale * ellipse.shape() * scale)).ok()
+        self.pixel_map(image_size)?.ellipse(ellipse).ok()
     }
 
-    /// The corrected pixel is the given one times the first vector plus the second; `None` if the image size is needed
-    /// but unknown. Identity if the correction does not affect pixels.
-    pub fn pixel_map(&self, image_size: Option<Vector2<f64>>) -> Option<(Vector2<f64>, Vector2<f64>)> {
+    /// The map from given to corrected pixels; `None` if the image size is needed but unknown. Identity if the correction
+    /// does not affect pixels.
+    pub fn pixel_map(&self, image_size: Option<Vector2<f64>>) -> Option<PixelMap> {
         Some(match *self {
-            Self::ImageScale(factor) => (Vector2::repeat(factor), Vector2::zeros()),
-            Self::NormalizedBoxes => (image_size?, Vector2::zeros()),
+            Self::ImageScale(factor) => PixelMap::scaling(Vector2::repeat(factor), Vector2::zeros()),
+            Self::NormalizedBoxes => PixelMap::scaling(image_size?, Vector2::zeros()),
+            Self::TurnedPictures { orientation, fractions } => {
+                PixelMap::from_shown(orientation, image_size?, fractions)
+            }
             Self::Letterbox(side) => {
                 let size = image_size?;
                 let factor = size.max() / side;
                 // The longer side fills the square, the shorter one has a margin on both sides.
-                (Vector2::repeat(factor), -(Vector2::repeat(side) * factor - size) * 0.5)
+                PixelMap::scaling(Vector2::repeat(factor), -(Vector2::repeat(side) * factor - size) * 0.5)
             }
-            _ => (Vector2::repeat(1.0), Vector2::zeros()),
+            _ => PixelMap::IDENTITY,
         })
     }
 
@@ -357,6 +363,9 @@ impl Mistake {
             Correction::Boxes(BoxFormat::CornersReadAsSize) => [x0, y0, x0 + x1, y0 + y1],
             Correction::Boxes(BoxFormat::SizeReadAsCorners) => [x0, y0, w, h],
             Correction::Boxes(BoxFormat::CenterSizeReadAsCorners) => [x0 + 0.5 * w, y0 + 0.5 * h, w, h],
+            Correction::Boxes(BoxFormat::CornersReadAsCenter) => {
+                [x0 - 0.5 * x1, y0 - 0.5 * y1, x0 + 0.5 * x1, y0 + 0.5 * y1]
+            }
             Correction::Boxes(BoxFormat::CenterReadAsCorner) => {
                 return Correction::Boxes(BoxFormat::CornerReadAsCenter).bounding_box(b, intrinsics, image_size);
             }
@@ -373,12 +382,7 @@ impl Mistake {
                 let (low, high) = (bend(x0, y0), bend(x1, y1));
                 [low.x, low.y, high.x, high.y]
             }
-            other => {
-                let (factor, shift) = other.pixel_map(image_size)?;
-                let x = |x: f64| (x - shift.x) / factor.x;
-                let y = |y: f64| (y - shift.y) / factor.y;
-                [x(x0), y(y0), x(x1), y(y1)]
-            }
+            other => other.pixel_map(image_size)?.inverse().edges([x0, y0, x1, y1]),
         };
         BoundingBox::new(edges).ok()
     }

@@ -31,12 +31,28 @@ pub(crate) fn discrete(frame_ids: &[&str]) -> Vec<Correction> {
             BoxFormat::CornersReadAsSize,
             BoxFormat::CenterReadAsCorner,
             BoxFormat::CornerReadAsCenter,
+            BoxFormat::CornersReadAsCenter,
             BoxFormat::SwappedAxes,
             BoxFormat::SizeReadAsCorners,
             BoxFormat::CenterSizeReadAsCorners,
         ]
         .map(Correction::Boxes),
     );
+    // Exchanged axes are among the formats.
+    for (orientation, fractions) in [
+        (6, false),
+        (8, false),
+        (3, false),
+        (2, false),
+        (4, false),
+        (7, false),
+        (6, true),
+        (8, true),
+        (5, true),
+        (7, true),
+    ] {
+        all.push(Correction::TurnedPictures { orientation, fractions });
+    }
     all.extend([Correction::AlphabeticalFrames, Correction::NumericFrames, Correction::ReversedFrames]);
     all.extend([1, -1, 2, -2, 3, -3, 4, -4, 5, -5, 10, -10].map(Correction::FrameOffset));
     // An order of names that changes nothing is not an explanation.
@@ -105,6 +121,7 @@ impl Correction {
             Self::ImageScale(_) => CauseName::ImageSize,
             Self::Letterbox(_) => CauseName::Letterbox,
             Self::NormalizedBoxes => CauseName::NormalizedBoxes,
+            Self::TurnedPictures { .. } => CauseName::PictureOrientation,
             Self::Boxes(BoxFormat::SwappedAxes) => CauseName::SwappedXy,
             Self::Boxes(_) => CauseName::BoxFormat,
             Self::FrameOffset(_) => CauseName::FrameOffset,
@@ -133,6 +150,7 @@ impl Correction {
             | Self::RadialDistortion(x)
             | Self::Lengths(x) => Some(x),
             Self::FrameOffset(n) => Some(f64::from(n)),
+            Self::TurnedPictures { orientation, .. } => Some(f64::from(orientation)),
             _ => None,
         }
     }

@@ -12,7 +12,7 @@ use crate::geometry::BoundingBox;
 const SMALLEST_MISS: f64 = 0.003;
 
 /// A box that misses by less than this many half sizes agrees with the others of its object.
-const AGREES: f64 = 0.5;
+pub(crate) const AGREES: f64 = 0.5;
 
 /// A box that extends beyond the image by more than this fraction of the image size was not measured in it.
 const OUTSIDE_MARGIN: f64 = 0.1;
@@ -64,7 +64,13 @@ impl Misses {
             if objects > 1.0 { (squares * objects / (objects - 1.0)).sqrt() / total } else { total.sqrt().recip() };
         let better: f64 = sums.iter().map(|(sum, _)| sum.max(0.0)).sum();
         let all: f64 = sums.iter().map(|(sum, _)| sum.abs()).sum();
-        Improvement { after: after.agreement(), gain, sd, unanimity: if all > 0.0 { better / all } else { 0.0 } }
+        Improvement {
+            before: self.agreement(),
+            after: after.agreement(),
+            gain,
+            sd,
+            unanimity: if all > 0.0 { better / all } else { 0.0 },
+        }
     }
 }
 
@@ -143,8 +149,7 @@ pub(crate) fn corrected_ray(
     if let Some(correction) = correction {
         camera = correction.camera(&camera, sample.frames[frame].image_size)?;
         bounding_box = correction.bounding_box(&bounding_box, &camera.intrinsics, image_size)?;
-        let (factor, _) = correction.pixel_map(image_size)?;
-        half_size *= (factor.x * factor.y).sqrt();
+        half_size *= correction.pixel_map(image_size)?.scale();
     }
     let fits = lies_in_image(&bounding_box, sample.frames[frame].image_size);
     fits.then(|| Ray::new(&camera, &bounding_box, half_size))

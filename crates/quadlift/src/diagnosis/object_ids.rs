@@ -39,11 +39,6 @@ pub(crate) fn mixed_ids(scene: &Scene, is_used: &impl Fn(&Detection) -> bool, be
     let largest: usize = counts.values().filter_map(|ids| ids.values().max()).sum();
     let all: usize = counts.values().flat_map(|ids| ids.values()).sum();
     let agreed = found.evidence > FOUND && found.agreement.miss < BETTER * before.miss;
-    (agreed && all > 0 && (largest as f64) < MIXED * all as f64).then_some(Cause {
-        name: CauseName::ObjectIds,
-        value: None,
-        correction: None,
-        before,
-        after: found.agreement,
-    })
+    (agreed && all > 0 && (largest as f64) < MIXED * all as f64)
+        .then(|| Cause { after: found.agreement, ..Cause::unexplained(CauseName::ObjectIds, before) })
 }

@@ -41,6 +41,11 @@ pub(crate) struct Sample<'a> {
 impl<'a> Sample<'a> {
     /// Samples objects and views evenly.
     pub(crate) fn new(scene: &'a Scene, is_used: impl Fn(&Detection) -> bool) -> Self {
+        Self::with_at_most(scene, is_used, MOST_BOXES)
+    }
+
+    /// A sample of another size.
+    pub(crate) fn with_at_most(scene: &'a Scene, is_used: impl Fn(&Detection) -> bool, boxes: usize) -> Self {
         let count = |only_whole: bool| {
             let used = scene.detections.iter().filter(|d| d.object_index.is_some() && is_used(d));
             used.filter(|d| measured_box(scene, d, only_whole).is_some()).count()
@@ -56,9 +61,9 @@ impl<'a> Sample<'a> {
             groups.into_iter().filter(|(_, group)| !has_three || group.len() >= 3).collect();
         let total: usize = groups.iter().map(|(_, group)| group.len()).sum();
         // Of large scenes a part of the objects and a part of their views, so that both are spread evenly.
-        let share = (total as f64 / MOST_BOXES as f64).max(1.0);
+        let share = (total as f64 / boxes as f64).max(1.0);
         let object_stride = share.sqrt().ceil().min((groups.len() as f64 / 5.0).max(1.0)).floor() as usize;
-        let per_object = MOST_BOXES / groups.len().div_ceil(object_stride).max(1);
+        let per_object = boxes / groups.len().div_ceil(object_stride).max(1);
         let chosen = || groups.iter().step_by(object_stride.max(1));
         let objects = chosen().map(|(_, group)| {
             let view_stride = group.len().div_ceil(per_object.max(3));

@@ -31,7 +31,13 @@ fn mistakes() -> Vec<Correction> {
         Correction::Boxes(BoxFormat::CornersReadAsSize),
         Correction::Boxes(BoxFormat::CenterReadAsCorner),
         Correction::Boxes(BoxFormat::CornerReadAsCenter),
+        Correction::Boxes(BoxFormat::CornersReadAsCenter),
         Correction::Boxes(BoxFormat::SwappedAxes),
+        Correction::TurnedPictures { orientation: 2, fractions: false },
+        Correction::TurnedPictures { orientation: 3, fractions: false },
+        Correction::TurnedPictures { orientation: 6, fractions: false },
+        Correction::TurnedPictures { orientation: 6, fractions: true },
+        Correction::TurnedPictures { orientation: 8, fractions: true },
         Correction::FrameOffset(1),
         Correction::FrameOffset(-2),
         Correction::ReversedFrames,
@@ -222,5 +228,56 @@ fn false_boxes_do_not_hide_a_mistake() {
         let diagnosis = diagnose(&Mistake(correction).apply(&right), |_| true);
         assert!(!diagnosis.consistent, "{correction:?}: {diagnosis:?}");
         assert_eq!(diagnosis.causes.first().map(|c| c.name), Some(correction.cause()), "{correction:?}: {diagnosis:?}");
+    }
+}
+
+/// A part of the frames as a mistake writes them.
+fn with_some(right: &Scene, wrong: &Scene, is_wrong: impl Fn(usize) -> bool) -> Scene {
+    let mut mixed = right.clone().into_parts();
+    for (frame, (k, other)) in mixed.frames.iter_mut().zip(wrong.frames.iter().enumerate()) {
+        frame.projection = if is_wrong(k) { other.projection } else { frame.projection };
+    }
+    for (detection, other) in mixed.detections.iter_mut().zip(&wrong.detections) {
+        if is_wrong(detection.frame_index as usize) {
+            detection.bounding_box = other.bounding_box;
+        }
+    }
+    Scene(mixed)
+}
+
+#[test]
+fn frames_in_another_convention_are_named() {
+    let right = scene(Trajectory::Orbit, 2);
+    let turned = Correction::TurnedPictures { orientation: 6, fractions: true };
+    for correction in [Correction::BodyAxes, Correction::OpenGlAxes, Correction::InvertPoses, turned] {
+        let wrong = Mistake(correction).apply(&right);
+        // Every second frame, every third one, two of twelve.
+        for is_wrong in [|k: usize| k % 2 == 1, |k| k % 3 == 0, |k| k == 4 || k == 9] {
+            let diagnosis = diagnose(&with_some(&right, &wrong, is_wrong), |_| true);
+            assert!(!diagnosis.consistent, "{correction:?}: {diagnosis:?}");
+            let cause = diagnosis.causes.first().unwrap();
+            let expected = (0..12).filter(|k| is_wrong(*k)).map(|k| right.frames[k].id.clone()).collect::<Vec<_>>();
+            assert_eq!((cause.name, &cause.frames), (correction.cause(), &expected), "{correction:?}: {diagnosis:?}");
+            assert!(cause.correction.is_none());
+        }
+    }
+}
+
+/// Boxes that are wrong by themselves are no frames that are.
+#[test]
+fn wrong_boxes_in_all_frames_are_no_wrong_frames() {
+    for seed in 1..=6 {
+        let options = SyntheticOptions {
+            seed,
+            objects: 10,
+            views: 12,
+            trajectory: Trajectory::Orbit,
+            observations: Observations::Boxes,
+            noise: vec![Noise::BoxEdges(0.02)],
+            outlier_share: 0.3,
+            ..Default::default()
+        };
+        let diagnosis = diagnose(&generate(&options).unwrap().scene, |_| true);
+        assert!(diagnosis.causes.iter().all(|cause| cause.frames.is_empty()), "{seed}: {diagnosis:?}");
     }
 }

@@ -3,8 +3,9 @@
 use super::agreement::Agreement;
 use super::cause::{Cause, CauseName};
 use super::sample::Sample;
+use super::some_frames::some_frames;
 use super::verdict::{Diagnosis, of_search};
-use super::{object_ids, search, trajectory};
+use super::{object_ids, search, some_frames, trajectory};
 use crate::scene::{Detection, Scene};
 use crate::solve::RefinedPose;
 
@@ -24,6 +25,12 @@ const MANY_REPEATED: f64 = 0.2;
 
 /// Fraction of these frames above which other explanations are discarded.
 const MOST_REPEATED: f64 = 0.5;
+
+/// With fewer agreeing boxes than this the frames are compared with each other.
+const SOME_WRONG: f64 = 0.95;
+
+/// Share of frames that contradict the others from which the scene is inconsistent: robust fits are not hurt by fewer.
+const MANY_WRONG: f64 = 0.1;
 
 /// Checks whether the boxes of each object are consistent, and if not, which mistake explains it; also checks the
 /// scene's `up` against the cameras.
@@ -71,7 +78,7 @@ pub(crate) fn of_boxes(scene: &Scene, is_used: impl Fn(&Detection) -> bool) -> D
     let found = of_search(&search, &sample);
     let before = search.given.agreement();
     let without_correction = |consistent, name, value, after| {
-        let cause = Cause { name, value, correction: None, before, after };
+        let cause = Cause { value, after, ..Cause::unexplained(name, before) };
         Diagnosis { consistent, agreement: Some(before), causes: vec![cause] }
     };
     if let Some(share) = trajectory::repeated_poses(&sample)
@@ -80,8 +87,16 @@ pub(crate) fn of_boxes(scene: &Scene, is_used: impl Fn(&Detection) -> bool) -> D
         let consistent = found.consistent && share < MANY_REPEATED;
         return without_correction(consistent, CauseName::DuplicatePoses, Some(share), before);
     }
+    let of_some = || {
+        if !found.causes.is_empty() || before.share >= SOME_WRONG {
+            return None;
+        }
+        let some = some_frames(&Sample::with_at_most(scene, &is_used, some_frames::MOST_BOXES), before)?;
+        let consistent = found.consistent && some.share < MANY_WRONG;
+        Some(Diagnosis { consistent, agreement: Some(before), causes: vec![some.cause] })
+    };
     if before.miss <= SUSPICIOUS_MISS && before.share >= SUSPICIOUS_SHARE {
-        return found;
+        return of_some().unwrap_or(found);
     }
     // A correction may explain a part of a jump.
     let best = search.explanations.first().filter(|_| !found.consistent).map_or(0.0, |best| best.gain.gain);
@@ -90,6 +105,9 @@ pub(crate) fn of_boxes(scene: &Scene, is_used: impl Fn(&Detection) -> bool) -> D
         && jump.gain.gain > best + CLEARLY_BETTER
     {
         return without_correction(false, CauseName::ScaleJump, Some(jump.factor), jump.gain.after);
+    }
+    if let Some(diagnosis) = of_some() {
+        return diagnosis;
     }
     if found.causes.is_empty()
         && let Some(cause) = object_ids::mixed_ids(scene, &is_used, before)

@@ -40,6 +40,9 @@ pub enum LocalizeError {
     Cancelled,
 }
 
+/// Predictions of left-out views from which their mean says something about the scene.
+const FEWEST_PREDICTIONS: usize = 5;
+
 /// The result for a scene.
 #[derive(Debug, Clone, Default)]
 pub struct Localization {
@@ -123,6 +126,13 @@ pub(crate) fn solve_objects(
     if let Some(map_options) = options.method.map_options() {
         localization.diagnosis.check_lengths(scene, is_used, &map_options.priors);
     }
+    let edge_noise = ["edge_relative", "ellipse_center"]
+        .into_iter()
+        .filter_map(|name| localization.noise.get(name))
+        .reduce(f64::max);
+    let held_out = &localization.cross_validation;
+    let iou = held_out.iou().filter(|_| held_out.predictions().count() >= FEWEST_PREDICTIONS);
+    localization.diagnosis.check_fit(edge_noise, iou);
     localization.skipped = selection.skipped;
     Ok(localization)
 }

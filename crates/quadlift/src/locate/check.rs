@@ -106,6 +106,8 @@ impl LandmarkMap {
         others.extend(SIZES.map(Correction::ImageScale));
         let formats = [BoxFormat::CenterReadAsCorner, BoxFormat::CornersReadAsSize, BoxFormat::SwappedAxes];
         others.extend(formats.map(Correction::Boxes));
+        let turned = |orientation| Correction::TurnedPictures { orientation, fractions: false };
+        others.extend([2, 3, 4, 6, 7, 8].map(turned));
         if let Some((other, found)) = self.best_of(&others, &few)
             && found.evidence > given_few.evidence
         {

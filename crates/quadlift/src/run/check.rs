@@ -73,7 +73,7 @@ impl Check {
         }
         let causes: Vec<Cause> = match self.together.take() {
             Some(two) => two.into(),
-            None => self.diagnosis.causes.first().copied().into_iter().collect(),
+            None => self.diagnosis.causes.first().cloned().into_iter().collect(),
         };
         let mut changed = false;
         for cause in causes {

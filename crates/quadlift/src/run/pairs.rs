@@ -44,14 +44,8 @@ pub(super) fn pair_of_causes<I: Input>(
             continue;
         }
         let uncorrected = before.agreement.unwrap_or(second.before);
-        let cause = Cause {
-            name: first.cause(),
-            value: first.value(),
-            correction: Some(first),
-            before: uncorrected,
-            after: second.before,
-        };
-        best = Some([cause, Cause { after: agreement, ..*second }]);
+        let cause = Cause::new(first, uncorrected, second.before);
+        best = Some([cause, Cause { after: agreement, ..second.clone() }]);
     }
     best
 }

@@ -48,6 +48,7 @@ impl Matching {
             frame_offset: pixels.frame_offset,
             time_tolerance: reading.time_tolerance.unwrap_or(AddOptions::default().time_tolerance),
             image_size: pixels.image_size,
+            turned: pixels.turned,
             source,
             min_score: self.min_score,
             replace: false,

@@ -31,6 +31,8 @@ pub struct AddOptions<'a> {
     /// Width and height in pixels of the images on which the detector ran. If the camera has another size, coordinates
     /// are scaled to it; if it has none, it gets this size.
     pub image_size: Option<[f64; 2]>,
+    /// Whether the pictures may be turned by 90 degrees against the cameras: a correction turns the boxes back later.
+    pub turned: bool,
     /// The source of the new detections.
     pub source: &'a str,
     /// Skip detections with a lower score.
@@ -48,6 +50,7 @@ impl Default for AddOptions<'_> {
             frame_offset: None,
             time_tolerance: 0.02,
             image_size: None,
+            turned: false,
             source: "detector",
             min_score: None,
             replace: false,
@@ -235,9 +238,21 @@ fn image_size(
         (Some([w, h]), Some([found_w, found_h]))
             if [w, h] != [found_w, found_h] && options.image_size != Some([found_w, found_h]) =>
         {
+            let is_turned = [h, w] == [found_w, found_h];
+            if is_turned && options.turned {
+                return Ok(known);
+            }
+            let advice = if is_turned {
+                "picture is turned by 90 degrees, as by its EXIF orientation: --assume orientation=6 turns the boxes back if \
+                 clockwise, orientation=8 if not"
+                    .to_owned()
+            } else {
+                format!(
+                    "detections must come from images of the camera's size (--assume image_size={found_w}x{found_h} scales them)"
+                )
+            };
             Err(format!(
-                "the image {} has {found_w} x {found_h} pixels, the camera of frame \"{}\" has {w} x {h}; the \
-                 detections must come from images of the camera's size (--assume image_size={found_w}x{found_h} scales them)",
+                "the image {} has {found_w} x {found_h} pixels, the camera of frame \"{}\" has {w} x {h}; the {advice}",
                 key.words(),
                 frame.id
             ))
