@@ -174,7 +174,7 @@ impl CauseRecord {
         if !says_it && self.frames.is_empty() {
             text.push_str(&format!(": {}", miss_in_words(self.before)));
         }
-        if self.after < self.before {
+        if self.after < self.before && self.frames.is_empty() {
             text.push_str(&format!(", {} after correction", percent(self.after)));
         }
         if let Some(option) = &self.option {
@@ -321,6 +321,7 @@ mod tests {
             name: correction.cause(),
             value: correction.value(),
             correction: Some(correction),
+            frames: Vec::new(),
             before: miss(0.8),
             after: miss(0.021),
         }
@@ -352,9 +353,21 @@ mod tests {
             (Correction::NormalizedBoxes, "boxes are normalised"),
             (Correction::NormalizedIntrinsics, "intrinsics are normalised"),
             (Correction::Boxes(BoxFormat::SizeReadAsCorners), "x, y, width, height"),
+            (Correction::TurnedPictures { orientation: 6, fractions: true }, "turned by 90 degrees clockwise"),
         ] {
             assert!(text(correction).contains(words), "{}", text(correction));
         }
+    }
+
+    #[test]
+    fn a_mistake_of_some_frames_names_them() {
+        let frames = ["000001", "000003"].map(str::to_owned).to_vec();
+        let some = Cause { value: Some(0.5), frames, correction: None, ..cause(Correction::BodyAxes) };
+        let diagnosis = Diagnosis { consistent: false, agreement: None, causes: vec![some] };
+        assert_eq!(
+            in_words(diagnosis, &Context::default()).unwrap(),
+            "in 50 % of the frames (000001, 000003) the camera axes are a robot's body axes (x forward, y left, z up)"
+        );
     }
 
     #[test]

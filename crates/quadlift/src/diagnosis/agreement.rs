@@ -24,10 +24,10 @@ const WORTH_A_WARNING: f64 = 0.1;
 /// After a correction that explains a disagreement the boxes agree.
 const AGREES: f64 = 0.5;
 
-/// Of the boxes that do not agree it leaves at most this share...
+/// It makes the typical miss smaller by that factor, too, or leaves at most this share of the boxes that do not agree...
 const UNEXPLAINED: f64 = 1.0 / 3.0;
 
-/// ...and this share of all boxes.
+/// ...and this share of all boxes: what only moves wrong boxes a little explains nothing.
 const FEW_WRONG: f64 = 0.05;
 
 /// How consistent a scene is.
@@ -59,7 +59,8 @@ impl Improvement {
     /// Whether the hypothesis is accepted, given these numbers of boxes and objects.
     pub(crate) fn explains(&self, boxes: usize, objects: usize) -> bool {
         let [wrong_before, wrong_after] = [self.before, self.after].map(|agreement| 1.0 - agreement.share);
-        let explains_enough = wrong_after <= UNEXPLAINED * wrong_before + FEW_WRONG;
+        let explains_enough = wrong_after <= UNEXPLAINED * wrong_before + FEW_WRONG
+            || self.after.miss.ln() <= self.before.miss.ln() - EXPLAINS;
         if self.after.miss > AGREES || !explains_enough || boxes < FEWEST_BOXES {
             return false;
         }
