@@ -158,6 +158,48 @@ fn two_mistakes_at_once_are_mended() {
     }
 }
 
+/// Another convention in a part of the frames has no option: the frames are named, and nothing is corrected.
+#[test]
+fn frames_that_differ_are_named_and_stay() {
+    let folder = Folder::new();
+    let mut mixed = right_scene(&folder);
+    let wrong = with_poses(&mixed, opengl);
+    let names: Vec<Value> = mixed["frames"].as_array().unwrap().iter().map(|frame| frame["id"].clone()).collect();
+    for k in (1..names.len()).step_by(2) {
+        mixed["frames"][k] = wrong["frames"][k].clone();
+    }
+    folder.write_json("mixed.json", &mixed);
+    for options in ["", "--fix", "--ids ignore --associate always"] {
+        let run = folder.run(&format!("localize mixed.json -o out.json --json {options}"));
+        assert!(run.code == 3 && run.stderr.contains("(2.jpg, 4.jpg, 6.jpg, 8.jpg, 10.jpg, 12.jpg)"), "{}", run.stderr);
+        assert!(run.stderr.contains("OpenGL axes"), "{}", run.stderr);
+        let document: Value = serde_json::from_str(&run.stdout).unwrap();
+        let cause = &document["scenes"][0]["diagnosis"]["causes"][0];
+        let named: Vec<Value> = names.iter().skip(1).step_by(2).cloned().collect();
+        assert_eq!((&cause["name"], &cause["frames"]), (&json!("opengl_axes"), &json!(named)));
+        assert_eq!((&cause["option"], &cause["value"]), (&Value::Null, &json!(0.5)));
+    }
+}
+
+/// Boxes that only edges of half their size explain are not explained.
+#[test]
+fn what_no_object_explains_is_inconsistent() {
+    let folder = Folder::new();
+    folder.succeed("synth -o right.json --objects 8 --views 1 --cues box3d --trajectory random --noise box:0.02");
+    folder.succeed("localize right.json");
+    let mut wrong = folder.json("right.json");
+    // 3D boxes in OpenGL's axes but for z: on the other side of the image.
+    for detection in wrong["detections"].as_array_mut().unwrap() {
+        for k in 0..2 {
+            detection["box3d"]["center"][k] = json!(-detection["box3d"]["center"][k].as_f64().unwrap());
+        }
+    }
+    folder.write_json("wrong.json", &wrong);
+    let run = folder.run("localize wrong.json -o out.json");
+    assert!(run.code == 3 && run.stderr.contains("do not explain the boxes"), "{}{}", run.stdout, run.stderr);
+    assert!(folder.json("out.json")["objects"].as_array().unwrap().iter().all(|object| object["status"] != "ok"));
+}
+
 /// What was mended is not mended again.
 #[test]
 fn fixing_twice_changes_nothing() {

@@ -94,6 +94,13 @@ impl<'a> Sample<'a> {
     }
 }
 
+/// The boxes that no object took.
+pub(crate) fn loose_boxes(scene: &Scene, is_used: impl Fn(&Detection) -> bool) -> Vec<Seen> {
+    let loose = scene.detections.iter().filter(|d| d.object_index.is_none() && is_used(d));
+    let seen = loose.filter_map(|d| Some(Seen { frame: d.frame_index, bounding_box: measured_box(scene, d, true)? }));
+    seen.take(MOST_BOXES).collect()
+}
+
 /// The box of a detection, or the one around its ellipse; with `only_whole` only if the image border does not cut it.
 fn measured_box(scene: &Scene, detection: &Detection, only_whole: bool) -> Option<BoundingBox> {
     let measured = detection.bounding_box.or_else(|| detection.ellipse.map(|e| e.bounding_box()))?;

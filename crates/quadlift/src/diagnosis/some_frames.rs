@@ -11,12 +11,15 @@ use super::misses::{AGREES, corrected_ray};
 use super::rays::{LARGEST_MISS, Ray, meeting_point};
 use super::sample::{Sample, Seen};
 
+/// Share of frames that contradict the others from which the scene is inconsistent: robust fits are not hurt by fewer.
+pub(crate) const MANY_WRONG: f64 = 0.1;
+
 /// Boxes that are looked at, at most.
-pub(crate) const MOST_BOXES: usize = 20_000;
+pub(crate) const MAX_BOXES: usize = 20_000;
 
 /// The least share of wrong boxes in wrong frames, and the largest one in the others.
-const WRONG_FROM: f64 = 0.8;
-const RIGHT_TO: f64 = 0.25;
+const MIN_WRONG: f64 = 0.8;
+const MAX_WRONG_OF_RIGHT: f64 = 0.25;
 
 /// Two kinds of frames are clearly better than one: one hundred to one.
 const CLEARLY_BETTER: f64 = 4.6;
@@ -25,7 +28,13 @@ const CLEARLY_BETTER: f64 = 4.6;
 const ROUNDS: usize = 30;
 
 /// Boxes of wrong frames that a correction must explain.
-const MOST: f64 = 0.8;
+const MIN_EXPLAINED: f64 = 0.8;
+
+/// Boxes of wrong frames that agree with some object as they are, at most.
+const MAX_BY_CHANCE: f64 = 0.5;
+
+/// A correction that changes nothing.
+pub(crate) const NOTHING: Correction = Correction::FrameOffset(0);
 
 /// Frames whose boxes contradict those of the others.
 #[derive(Debug, Clone)]
@@ -58,16 +67,52 @@ pub(crate) fn some_frames(sample: &Sample, before: Agreement) -> Option<SomeFram
         }
     }
     let is_wrong = two_kinds(&counts)?;
+    let found = mistake(sample, &is_wrong);
+    Some(named(sample, &counts, &is_wrong, found, before))
+}
+
+/// The same where objects were found by association: the boxes that no object took are the wrong ones, and a mistake must explain
+/// them. `None` if none does.
+pub(crate) fn some_frames_of_loose(sample: &Sample, loose: &[Seen], before: Agreement) -> Option<SomeFrames> {
+    let mut counts = vec![Counts::default(); sample.frames.len()];
+    sample.objects.iter().flatten().for_each(|seen| counts[seen.frame as usize].boxes += 1.0);
+    for seen in loose {
+        let count = &mut counts[seen.frame as usize];
+        (count.boxes, count.wrong) = (count.boxes + 1.0, count.wrong + 1.0);
+    }
+    let is_wrong = two_kinds(&counts)?;
+    let ray = |seen: &Seen| corrected_ray(sample, seen, None, None);
+    let rays_of = |object: &Vec<Seen>| object.iter().filter_map(ray).collect::<Vec<Ray>>();
+    let points: Vec<_> = sample.objects.iter().filter_map(|object| meeting_point(&rays_of(object))).collect();
+    let these: Vec<&Seen> = loose.iter().filter(|seen| is_wrong[seen.frame as usize]).collect();
+    // Larger boxes agree with anything.
+    let agrees = |correction: Correction, seen: &Seen| {
+        let ray = corrected_ray(sample, seen, Some(correction), None);
+        ray.is_some_and(|ray| points.iter().any(|point| ray.miss(point) <= AGREES))
+    };
+    let share_of =
+        |correction| these.iter().filter(|seen| agrees(correction, seen)).count() as f64 / these.len() as f64;
+    let found = best(sample, share_of).filter(|_| share_of(NOTHING) < MAX_BY_CHANCE)?;
+    Some(named(sample, &counts, &is_wrong, Some(found), before))
+}
+
+/// The frames and their mistake.
+fn named(
+    sample: &Sample,
+    counts: &[Counts],
+    is_wrong: &[bool],
+    mistake: Option<(Correction, f64)>,
+    before: Agreement,
+) -> SomeFrames {
     let with_boxes = counts.iter().filter(|count| count.boxes > 0.0).count();
     let wrong = is_wrong.iter().filter(|wrong| **wrong).count();
     let share = wrong as f64 / with_boxes as f64;
-    let (name, after) = mistake(sample, &is_wrong)
-        .map_or((CauseName::ContradictingFrames, before), |(correction, share)| {
-            (correction.cause(), Agreement { share, ..before })
-        });
+    let (name, after) = mistake.map_or((CauseName::ContradictingFrames, before), |(correction, share)| {
+        (correction.cause(), Agreement { share, ..before })
+    });
     let frames = (0..is_wrong.len()).filter(|k| is_wrong[*k]).map(|k| sample.frame_ids[k].to_owned()).collect();
     let cause = Cause { value: Some(share), frames, after, ..Cause::unexplained(name, before) };
-    Some(SomeFrames { share, cause })
+    SomeFrames { share, cause }
 }
 
 /// Whether each frame is of the kind with more wrong boxes; `None` unless there clearly are two kinds.
@@ -96,7 +141,7 @@ fn two_kinds(counts: &[Counts]) -> Option<Vec<bool>> {
         [of_wrong, of_right] = sums.map(|[wrong, boxes]| wrong / boxes);
         mixture = weights / (used.len() as f64 + 1.0);
     }
-    if of_wrong < WRONG_FROM || of_right > RIGHT_TO || !(0.0..1.0).contains(&one) {
+    if of_wrong < MIN_WRONG || of_right > MAX_WRONG_OF_RIGHT || !(0.0..1.0).contains(&one) {
         return None;
     }
     let of_two = |count: &Counts| {
@@ -130,14 +175,19 @@ fn mistake(sample: &Sample, is_wrong: &[bool]) -> Option<(Correction, f64)> {
         let count = objects.iter().flat_map(|(point, these)| these.iter().filter(move |seen| agrees(point, seen)));
         count.count() as f64 / boxes as f64
     };
+    best(sample, agreeing)
+}
+
+/// The correction after which the largest share of boxes agrees, if that explains them.
+fn best(sample: &Sample, share_of: impl Fn(Correction) -> f64) -> Option<(Correction, f64)> {
     let mut best = None;
     for correction in discrete(&sample.frame_ids) {
         // Detections that other frames took are not explained by what those frames show.
         if correction.frames(&sample.frame_ids).is_some() {
             continue;
         }
-        let share = agreeing(correction);
-        if share >= MOST && best.is_none_or(|(_, known)| share > known) {
+        let share = share_of(correction);
+        if share >= MIN_EXPLAINED && best.is_none_or(|(_, known)| share > known) {
             best = Some((correction, share));
         }
     }

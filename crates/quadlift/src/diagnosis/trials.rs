@@ -8,6 +8,7 @@ use super::hypotheses::Family;
 use super::misses::misses;
 use super::sample::Sample;
 use super::search;
+use super::some_frames::NOTHING;
 use super::verdict::of_search;
 use crate::association::{AssociateError, AssociateOptions, Association, associate};
 use crate::parallel::map_indices;
@@ -24,9 +25,6 @@ const MOST_BOXES: usize = 200;
 
 /// How often the distance between two numbers of a family is halved.
 const HALVINGS: usize = 3;
-
-/// A correction that changes nothing.
-const NOTHING: Correction = Correction::FrameOffset(0);
 
 /// A part of a scene that is associated under each hypothesis.
 pub(crate) struct Tried<'a> {

@@ -3,7 +3,7 @@
 use super::agreement::Agreement;
 use super::cause::{Cause, CauseName};
 use super::sample::Sample;
-use super::some_frames::some_frames;
+use super::some_frames::{MANY_WRONG, some_frames};
 use super::verdict::{Diagnosis, of_search};
 use super::{object_ids, search, some_frames, trajectory};
 use crate::scene::{Detection, Scene};
@@ -28,9 +28,6 @@ const MOST_REPEATED: f64 = 0.5;
 
 /// With fewer agreeing boxes than this the frames are compared with each other.
 const SOME_WRONG: f64 = 0.95;
-
-/// Share of frames that contradict the others from which the scene is inconsistent: robust fits are not hurt by fewer.
-const MANY_WRONG: f64 = 0.1;
 
 /// Checks whether the boxes of each object are consistent, and if not, which mistake explains it; also checks the
 /// scene's `up` against the cameras.
@@ -91,7 +88,7 @@ pub(crate) fn of_boxes(scene: &Scene, is_used: impl Fn(&Detection) -> bool) -> D
         if !found.causes.is_empty() || before.share >= SOME_WRONG {
             return None;
         }
-        let some = some_frames(&Sample::with_at_most(scene, &is_used, some_frames::MOST_BOXES), before)?;
+        let some = some_frames(&Sample::with_at_most(scene, &is_used, some_frames::MAX_BOXES), before)?;
         let consistent = found.consistent && some.share < MANY_WRONG;
         Some(Diagnosis { consistent, agreement: Some(before), causes: vec![some.cause] })
     };

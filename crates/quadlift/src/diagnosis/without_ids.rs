@@ -8,6 +8,8 @@ use super::agreement::FEWEST_BOXES;
 use super::cause::Cause;
 use super::correction::{BoxFormat, Correction};
 use super::hypotheses::{FAMILIES, discrete};
+use super::sample::{Sample, loose_boxes};
+use super::some_frames::{MANY_WRONG, MAX_BOXES, some_frames_of_loose};
 use super::trials::{Trial, Tried, evidence, evidence_of};
 use super::verdict::Diagnosis;
 use super::with_ids::of_boxes;
@@ -51,7 +53,14 @@ pub fn diagnose_association(
     let source = scene.source_index(options.source.as_deref())?;
     let is_used = |d: &Detection| source.is_none() || d.source_index == source;
     let named = association.applied_to(scene, source);
-    let found = of_boxes(&named, is_used);
+    let mut found = of_boxes(&named, is_used);
+    if let (true, Some(agreement)) = (found.consistent && found.causes.is_empty(), found.agreement) {
+        let sample = Sample::with_at_most(&named, is_used, MAX_BOXES);
+        if let Some(some) = some_frames_of_loose(&sample, &loose_boxes(&named, is_used), agreement) {
+            found.consistent = some.share < MANY_WRONG;
+            found.causes.push(some.cause);
+        }
+    }
     Ok(with_hypotheses(scene, found, association, is_used, options)?.and_up(scene))
 }
 

@@ -41,7 +41,7 @@ pub enum LocalizeError {
 }
 
 /// Predictions of left-out views from which their mean says something about the scene.
-const FEWEST_PREDICTIONS: usize = 5;
+const MIN_PREDICTIONS: usize = 5;
 
 /// The result for a scene.
 #[derive(Debug, Clone, Default)]
@@ -131,7 +131,7 @@ pub(crate) fn solve_objects(
         .filter_map(|name| localization.noise.get(name))
         .reduce(f64::max);
     let held_out = &localization.cross_validation;
-    let iou = held_out.iou().filter(|_| held_out.predictions().count() >= FEWEST_PREDICTIONS);
+    let iou = held_out.iou().filter(|_| held_out.predictions().count() >= MIN_PREDICTIONS);
     localization.diagnosis.check_fit(edge_noise, iou);
     localization.skipped = selection.skipped;
     Ok(localization)

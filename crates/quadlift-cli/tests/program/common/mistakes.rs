@@ -145,6 +145,21 @@ pub fn mistakes(right: &Value) -> Vec<Mistake> {
             with_boxes(right, |b| [b[0] / w, b[1] / h, b[2] / w, b[3] / h]),
         ),
         of(
+            "Pictures turned by their EXIF orientation",
+            "Phones store pictures as the sensor sees them and say in EXIF how to turn them. Detectors turn them, many \
+             reconstructions do not. YOLO's labels are fractions of the turned picture.",
+            "turned by 90 degrees clockwise",
+            "picture_orientation",
+            with_boxes(right, |b| [w - b[3] * w / h, b[0] * h / w, w - b[1] * w / h, b[2] * h / w]),
+        ),
+        of(
+            "Corners instead of center and size",
+            "YOLO's label files have the center and the size of each box; here they have two corners.",
+            "two corners were read as a center and a size",
+            "box_format",
+            with_boxes(right, |b| [b[0] - 0.5 * b[2], b[1] - 0.5 * b[3], b[0] + 0.5 * b[2], b[1] + 0.5 * b[3]]),
+        ),
+        of(
             "Swapped x and y of boxes",
             "Some programs (TensorFlow, NumPy code with rows first) write y before x.",
             "x and y of the boxes are swapped",
