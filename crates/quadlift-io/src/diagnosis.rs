@@ -1,6 +1,6 @@
 //! The self-check ([`quadlift::diagnosis`]) as text, as the options that correct a mistake, and as a record.
 
-use quadlift::diagnosis::{BoxFormat, Cause, CauseName, Correction};
+use quadlift::diagnosis::{BoxFormat, Cause, CauseName, Correction, PixelMap};
 use quadlift::run::Check;
 use serde::{Deserialize, Serialize};
 
@@ -17,6 +17,8 @@ pub struct Context {
     pub image_size: Option<[f64; 2]>,
     /// Size in pixels of the images in which the boxes were measured, if set by an option.
     measured_size: Option<[f64; 2]>,
+    /// EXIF orientation of the pictures that an option sets.
+    orientation: Option<u8>,
     /// Factor on the focal lengths that an option sets; 0 if none does.
     focal_factor: f64,
     /// The number that the detections give to frame 0, see [`crate::read::detections::AddedDetections::frame_offset`].
@@ -38,6 +40,9 @@ impl Context {
             match *correction {
                 RecordCorrection::ImageSize(size) => self.measured_size = Some(size),
                 RecordCorrection::Known(Correction::FocalFactor(factor)) => self.focal_factor = factor,
+                RecordCorrection::Known(Correction::TurnedPictures { orientation, .. }) => {
+                    self.orientation = Some(orientation);
+                }
                 RecordCorrection::Known(Correction::FrameOffset(n)) => self.frame_offset -= i64::from(n),
                 RecordCorrection::FrameOffset(offset) => self.frame_offset = self.frame_offset.saturating_add(offset),
                 _ => {}
@@ -52,6 +57,10 @@ impl Context {
             Some(Correction::FocalFactor(factor)) if self.focal_factor > 0.0 => {
                 Some(option_of(&Correction::FocalFactor(factor * self.focal_factor), None, 0))
             }
+            Some(Correction::TurnedPictures { orientation, fractions }) if self.orientation.is_some() => {
+                let orientation = turned_twice(self.orientation.unwrap_or_default(), orientation);
+                Some(option_of(&Correction::TurnedPictures { orientation, fractions }, None, 0))
+            }
             Some(correction) => Some(option_of(&correction, self.measured_size.or(self.image_size), self.frame_offset)),
             None if cause.name == CauseName::ObjectIds => Some("--associate always --ids ignore".to_owned()),
             None => None,
@@ -62,6 +71,15 @@ impl Context {
     pub fn correction(&self, cause: &Cause) -> Option<RecordCorrection> {
         Some(RecordCorrection::of(&cause.correction?, self.image_size))
     }
+}
+
+/// The EXIF orientation of pictures that still are turned by the second one after the first was undone; 1 if they are not.
+fn turned_twice(first: u8, second: u8) -> u8 {
+    let unit = |orientation: u8| PixelMap::from_shown(orientation, [1.0, 1.0].into(), false);
+    let corners = [[0.0, 0.0], [1.0, 0.0]].map(|corner| unit(second).point(unit(first).point(corner.into())));
+    let same =
+        |orientation: &u8| [[0.0, 0.0], [1.0, 0.0]].map(|corner| unit(*orientation).point(corner.into())) == corners;
+    (2..=8).find(same).unwrap_or(1)
 }
 
 /// The self-check in a result file. Misses are typical ones ([`quadlift::diagnosis::Agreement::miss`]).
@@ -382,6 +400,10 @@ mod tests {
         assert_eq!(option(Correction::ImageScale(0.96875)), "--assume image_size=640x480");
         assert_eq!(option(Correction::FocalFactor(0.75)), "--assume focal=1.5");
         assert_eq!(option(Correction::FrameOffset(-1)), "--assume frame_offset=2");
+        // Turned clockwise where they should have been turned the other way: they stand upside down.
+        let turned = |orientation| Correction::TurnedPictures { orientation, fractions: false };
+        let context = Context::default().after(&[RecordCorrection::Known(turned(6))]);
+        assert_eq!(context.option(&cause(turned(3))).unwrap(), "--assume orientation=8");
     }
 
     #[test]

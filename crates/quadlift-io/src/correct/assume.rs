@@ -128,9 +128,9 @@ pub const KEYS: [Key; 12] = [
     Key {
         name: "orientation",
         value: "N",
-        meaning: "EXIF orientation of the pictures, 2 to 8, which the detector's boxes follow and the cameras do not: 6 where it \
+        meaning: "EXIF orientation of the pictures, 1 to 8, which the detector's boxes follow and the cameras do not: 6 where it \
                   saw them turned by 90 degrees clockwise; such as 6-fractions for fractions of a turned picture (YOLO)",
-        read: |text| known(orientation(text)?),
+        read: |text| Ok(orientation(text)?.map(RecordCorrection::Known)),
     },
     Key {
         name: "pose_unit",
@@ -223,13 +223,14 @@ fn letterbox([width, height]: [f64; 2]) -> RecordCorrection {
     }
 }
 
-/// Reads an EXIF orientation, such as `6` or `6-fractions`.
-fn orientation(text: &str) -> Result<Correction, String> {
+/// Reads an EXIF orientation, such as `6` or `6-fractions`; `None` for 1, that of pictures that are not turned.
+fn orientation(text: &str) -> Result<Option<Correction>, String> {
     let (number, fractions) = text.strip_suffix(OF_FRACTIONS).map_or((text, false), |number| (number, true));
     match number.parse() {
-        Ok(orientation @ 2..=8) => Ok(Correction::TurnedPictures { orientation, fractions }),
+        Ok(1) => Ok(None),
+        Ok(orientation @ 2..=8) => Ok(Some(Correction::TurnedPictures { orientation, fractions })),
         _ => Err(format!(
-            "expected an EXIF orientation from 2 to 8, or one with {OF_FRACTIONS}, such as 6{OF_FRACTIONS}"
+            "expected an EXIF orientation from 1 to 8, or one with {OF_FRACTIONS}, such as 6{OF_FRACTIONS}"
         )),
     }
 }
