@@ -293,6 +293,15 @@ pub fn mistake_in_words(name: CauseName, parameter: Option<f64>, correction: Opt
             "boxes are not where the other views predict them: their IoU is {} on average, with right poses, boxes and ids about 0.9",
             value(2)
         ),
+        CauseName::Outlines => {
+            "the outlines contradict the boxes and were left out: pixels of another image size, y before x, or fractions?".to_owned()
+        }
+        CauseName::Depths => {
+            "the depths contradict the boxes and were left out: another unit, or distances of another frame?".to_owned()
+        }
+        CauseName::Boxes3d => "the 3D boxes contradict the boxes and were left out: in the world's frame instead of the camera's, another \
+             unit, or angles in degrees?"
+            .to_owned(),
         CauseName::DuplicatePoses => {
             let share = parameter.unwrap_or_default();
             format!("{:.0} % of the frames repeat the pose of another frame but show different boxes", 100.0 * share)

@@ -200,6 +200,37 @@ fn what_no_object_explains_is_inconsistent() {
     assert!(folder.json("out.json")["objects"].as_array().unwrap().iter().all(|object| object["status"] != "ok"));
 }
 
+/// Outlines that contradict right boxes are left out, and named.
+#[test]
+fn outlines_that_contradict_the_boxes_are_left_out() {
+    let folder = Folder::new();
+    folder.succeed("synth -o right.json --objects 8 --views 8 --cues outline --noise box:0.02");
+    folder.succeed("localize right.json -o right_result.json");
+    let right = folder.json("right.json");
+    for change in [|[x, y]: [f64; 2]| [y, x], |[x, y]: [f64; 2]| [0.5 * x, 0.5 * y]] {
+        let mut wrong = right.clone();
+        for detection in wrong["detections"].as_array_mut().unwrap() {
+            let outline: Vec<[f64; 2]> = serde_json::from_value(detection["outline"].clone()).unwrap();
+            detection["outline"] = json!(outline.into_iter().map(change).collect::<Vec<_>>());
+        }
+        folder.write_json("wrong.json", &wrong);
+        let run = folder.run("localize wrong.json -o out.json");
+        assert!(
+            run.code == 0 && run.stderr.contains("the outlines contradict the boxes"),
+            "{}{}",
+            run.stdout,
+            run.stderr
+        );
+        let [found, expected] = ["out.json", "right_result.json"].map(|name| folder.json(name)["objects"].clone());
+        for (object, same) in found.as_array().unwrap().iter().zip(expected.as_array().unwrap()) {
+            let square =
+                |k: usize| (object["center"][k].as_f64().unwrap() - same["center"][k].as_f64().unwrap()).powi(2);
+            let distance = (0..3).map(square).sum::<f64>().sqrt();
+            assert!(object["status"] == "ok" && distance < 0.5, "{distance} {object}");
+        }
+    }
+}
+
 /// What was mended is not mended again.
 #[test]
 fn fixing_twice_changes_nothing() {

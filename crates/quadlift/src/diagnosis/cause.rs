@@ -70,11 +70,17 @@ pub enum CauseName {
     EdgeNoise,
     /// Boxes are not where the other views predict them.
     HeldOutViews,
+    /// The outlines contradict the boxes; they were left out.
+    Outlines,
+    /// The depths contradict the boxes; they were left out.
+    Depths,
+    /// The 3D boxes contradict the 2D boxes; they were left out.
+    Boxes3d,
 }
 
 impl CauseName {
     /// All causes.
-    pub const ALL: [Self; 30] = [
+    pub const ALL: [Self; 33] = [
         Self::CameraToWorld,
         Self::OpenGlAxes,
         Self::OpenGlCameraToWorld,
@@ -105,6 +111,9 @@ impl CauseName {
         Self::LengthUnit,
         Self::EdgeNoise,
         Self::HeldOutViews,
+        Self::Outlines,
+        Self::Depths,
+        Self::Boxes3d,
     ];
 
     /// The name in files.
@@ -140,6 +149,9 @@ impl CauseName {
             Self::LengthUnit => "length_unit",
             Self::EdgeNoise => "edge_noise",
             Self::HeldOutViews => "held_out_views",
+            Self::Outlines => "outlines",
+            Self::Depths => "depths",
+            Self::Boxes3d => "boxes3d",
         }
     }
 }

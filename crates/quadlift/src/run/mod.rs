@@ -7,6 +7,7 @@ mod input;
 mod options;
 mod pairs;
 mod rows;
+mod sources;
 #[cfg(test)]
 mod tests;
 
@@ -17,9 +18,10 @@ pub use rows::RUN;
 
 use crate::association::{AssociateError, AssociateOptions, Association, IdUse, Outcome, associate_observed};
 use crate::diagnosis::diagnose_association;
-use crate::localize::{Localization, LocalizeError, LocalizeOptions, solve_objects};
+use crate::localize::{Localization, LocalizeError, LocalizeOptions};
 use crate::observer::{Observer, Phase, Unobserved};
 use crate::scene::{Scene, SkippedDetections};
+use sources::solve_consistent;
 
 /// The result of a run.
 #[derive(Debug, Clone, Default)]
@@ -90,7 +92,7 @@ pub fn run<I: Input>(input: &mut I, options: &RunOptions, observer: &dyn Observe
     };
     input.measure(&options.localize, observer).map_err(RunError::Input)?;
     observer.begins(Phase::Objects);
-    let localization = solve_objects(input.scene(), &options.localize, observer)?;
+    let localization = solve_consistent(input.scene(), &options.localize, observer)?;
     let skipped = localization.skipped.without_object;
     if localization.estimates.is_empty() {
         let detections = input.scene().detections.len();
@@ -165,6 +167,6 @@ pub fn localize_observed(
     options: &LocalizeOptions,
     observer: &dyn Observer,
 ) -> Result<Localization, LocalizeError> {
-    let localization = solve_objects(scene, options, observer)?;
+    let localization = solve_consistent(scene, options, observer)?;
     Ok(concluded(Check::default(), None, localization, options).localization)
 }
