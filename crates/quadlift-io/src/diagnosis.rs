@@ -187,8 +187,16 @@ impl CauseRecord {
     fn with_evidence(&self) -> String {
         let mut text = self.mistake();
         // Boxes do not show the direction of gravity or the unit of length, and the others say how far the boxes are off.
-        let says_it =
-            matches!(self.name, CauseName::Up | CauseName::LengthUnit | CauseName::EdgeNoise | CauseName::HeldOutViews);
+        let says_it = matches!(
+            self.name,
+            CauseName::Up
+                | CauseName::LengthUnit
+                | CauseName::EdgeNoise
+                | CauseName::HeldOutViews
+                | CauseName::Outlines
+                | CauseName::Depths
+                | CauseName::Boxes3d
+        );
         if !says_it && self.frames.is_empty() {
             text.push_str(&format!(": {}", miss_in_words(self.before)));
         }
