@@ -26,7 +26,7 @@ fn frame(k: u32) -> Frame {
 }
 
 fn x_of(k: u32) -> f64 {
-    (0.3 * f64::from(k)).sin()
+    (0.3 * f64::from(k + 1)).sin()
 }
 
 /// A ball.
@@ -116,6 +116,34 @@ fn a_covered_object_is_hardly_missed() {
         assert!((found / expected - 1.0).abs() < 0.03, "{covered}: {found} {expected}");
         assert_eq!(f64::from(only(&map).clear - tracked.clear), clear);
     }
+}
+
+#[test]
+fn only_nearer_objects_cover_an_object() {
+    // Two balls one behind the other: the near one is left, so that the far one looks out.
+    let balls = [ball(-0.19, 0.0, 4.0, 0.4), ball(0.0, 0.0, 8.0, 0.8)];
+    let map = map_of(&balls, 8, OnlineOptions::default());
+    let id_of = |map: &ObjectMap, z: f64| {
+        let at = |t: &&Tracked| (t.object.center.z + map.origin.z - z).abs() < 0.5;
+        map.tracked().find(at).unwrap().id
+    };
+    let drop_of = |missed: usize| {
+        let mut map = map.clone();
+        let id = id_of(&map, balls[missed].center.z);
+        let odds = |map: &ObjectMap| map.tracked().find(|t| t.id == id).unwrap().log_odds;
+        let before = odds(&map);
+        let update = observe(&mut map, 8, &[box_of(8, &balls[1 - missed])]);
+        assert!(update.objects[0].is_some_and(|found| found != id));
+        before - odds(&map)
+    };
+    let (near, far) = (drop_of(0), drop_of(1));
+    assert!(near > -f64::ln(1.0 - 0.8), "the far ball covers nothing: {near}");
+    let [a, b] = [box_of(8, &balls[0]), box_of(8, &balls[1])];
+    let covered = (a.x1().min(b.x1()) - a.x0().max(b.x0())) / (b.x1() - b.x0());
+    assert!((0.3..0.8).contains(&covered), "{covered}");
+    // The near ball is as high as the far one in the image. The rate of detection lies between these.
+    let drop = |share: f64| -f64::ln(1.0 - share * (1.0 - covered) * (1.0 - covered));
+    assert!((drop(0.8)..drop(0.97)).contains(&far), "{covered}: {far}");
 }
 
 #[test]
