@@ -153,3 +153,96 @@ fn log_range(query: &PreparedQuery) -> f64 {
     let farthest = query.candidates.iter().map(|candidate| candidate.depths[1]).fold(0.0, f64::max);
     (query.map.extent() + 2.0 * farthest).ln()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Landmark, LandmarkMap, LocateOptions, Query, QueryBox};
+    use super::*;
+    use crate::geometry::{BoundingBox, Ellipsoid, Intrinsics, Projection, project_bounding_box};
+    use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
+
+    /// A camera at the origin that looks along z.
+    fn pose() -> Pose {
+        Pose { rotation: Matrix3::identity(), translation: Vector3::zeros() }
+    }
+
+    fn ball(x: f64, y: f64, z: f64, radius: f64) -> Landmark {
+        let center = Point3::new(x, y, z);
+        let ellipsoid = Ellipsoid { center, semi_axes: Vector3::repeat(radius), rotation: Rotation3::identity() };
+        Landmark { ellipsoid, center_covariance: None, category: None }
+    }
+
+    /// The box of a ball, with edges that are off by some pixels.
+    fn seen(ball: &Landmark, off: [f64; 4]) -> QueryBox {
+        let intrinsics = Intrinsics::new(1000.0, 1000.0, 640.0, 360.0).unwrap();
+        let projection = Projection::from_camera(&intrinsics, &pose().checked().unwrap());
+        let exact = project_bounding_box(&projection, &ball.ellipsoid).unwrap().edges();
+        let bounding_box = BoundingBox::new(std::array::from_fn(|k| exact[k] + off[k])).unwrap();
+        QueryBox { bounding_box, box_in_image: None, category: None }
+    }
+
+    fn query(boxes: Vec<QueryBox>) -> Query {
+        let intrinsics = Intrinsics::new(1000.0, 1000.0, 640.0, 360.0).unwrap();
+        Query { intrinsics, image_size: Some([1280.0, 720.0].into()), boxes }
+    }
+
+    /// Against the densities of four edges of an object, and of a false box: anywhere in the image, its width and its height
+    /// within a factor of `exp 4`.
+    #[test]
+    fn a_box_is_of_an_object_with_the_odds_of_its_edges() {
+        let off = [6.0, -4.0, 9.0, 3.0];
+        let balls = vec![ball(0.2, 0.1, 5.0, 0.5)];
+        let query = query(vec![seen(&balls[0], off)]);
+        let map = LandmarkMap::new(balls);
+        let options = LocateOptions::default();
+        let prepared = PreparedQuery::new(&map, &query, &options);
+        let predicted = predictions(&prepared, &pose())[0].unwrap();
+        let [x0, y0, x1, y1] = query.boxes[0].bounding_box.edges();
+        let half_size = 0.25 * (x1 - x0 + y1 - y0);
+        // Lengths are those of the image at depth one.
+        let sd = (options.edge_sd * half_size).hypot(1.0) / 1000.0;
+        let false_box: f64 = 1.28 * 0.72 * ((x1 - x0) / 1000.0) * ((y1 - y0) / 1000.0) * 16.0;
+        // Student's t distribution with 9 degrees of freedom; Gamma(5) and Gamma(4.5).
+        let peak = 24.0 / 11.631_728_396_567_448 / (9.0 * PI).sqrt();
+        for widen in [1.0, 3.0] {
+            let density = |off: f64| {
+                let residual = off / 1000.0 / (widen * sd);
+                peak * (1.0 + residual * residual / 9.0).powi(-5) / (widen * sd)
+            };
+            let expected = (0.6 * off.map(density).iter().product::<f64>() * false_box).ln();
+            let found = gain(&prepared, &pose(), &predicted, &Match::new(&prepared, 0, 0), widen);
+            assert!((found - expected).abs() < 1e-4, "{widen}: {found} {expected}");
+        }
+    }
+
+    #[test]
+    fn objects_that_should_be_seen_and_are_not_count_against_a_pose() {
+        let detected = ball(-1.0, 0.0, 5.0, 0.4);
+        let missed = ball(1.0, 0.0, 5.0, 0.4);
+        // Behind the detected one, outside of the image, smaller than what is detected, behind the camera.
+        let unexpected = [
+            ball(-2.0, 0.0, 10.0, 0.5),
+            ball(9.0, 0.0, 10.0, 1.0),
+            ball(0.0, 1.0, 10.0, 0.3),
+            ball(0.0, 0.0, -5.0, 0.4),
+        ];
+        let boxes = query(vec![seen(&detected, [0.0; 4])]);
+        let log_missed_of = |more: &[Landmark], query: &Query| {
+            let mut balls = vec![detected.clone()];
+            balls.extend_from_slice(more);
+            let map = LandmarkMap::new(balls);
+            let prepared = PreparedQuery::new(&map, query, &LocateOptions::default());
+            let predicted = predictions(&prepared, &pose());
+            log_missed(&prepared, &[Match::new(&prepared, 0, 0)], &predicted)
+        };
+        assert_eq!(log_missed_of(&unexpected, &boxes), 0.0);
+        // Four in ten that should be seen are not.
+        for count in 1..3 {
+            let more = vec![missed.clone(); count];
+            let found = log_missed_of(&[&more[..], &unexpected[..]].concat(), &boxes);
+            assert!((found - count as f64 * f64::ln(0.4)).abs() < 1e-12, "{count}: {found}");
+        }
+        let anywhere = Query { image_size: None, ..boxes };
+        assert_eq!(log_missed_of(std::slice::from_ref(&missed), &anywhere), 0.0);
+    }
+}

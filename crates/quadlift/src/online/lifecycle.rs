@@ -283,3 +283,7 @@ fn clarity(current: &Current, depths: &[Option<f64>], seen: &Seen, usual_size: i
     let covered = depths.iter().zip(&current.observations.boxes).map(covers).fold(0.0, f64::max);
     Clarity::InView { covered: covered.min(1.0) }
 }
+
+#[cfg(test)]
+#[path = "lifecycle_tests.rs"]
+mod tests;

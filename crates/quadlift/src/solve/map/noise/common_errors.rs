@@ -241,6 +241,31 @@ mod tests {
         close(sums.of_field[0], of(&field).trace());
         close(sums.of_noise[1], (&pairs * of(&DMatrix::identity(n, n))).trace());
         close(sums.of_field[1], (&pairs * of(&field)).trace());
+        // Variance of a quadratic form of normal errors, `2 tr (A cov)^2`, where the residuals have the covariance `I - J H^-1 J^T`.
+        let product = &pairs * &left;
+        close(sums.scatter, 2.0 * (&product * &product).trace());
+    }
+
+    #[test]
+    fn a_field_counts_by_as_much_as_it_exceeds_two_standard_errors() {
+        // Sums of noise with the variance 4 and of a field, of which each sum has its own share.
+        let deviation = |field: f64| {
+            let (of_noise, of_field) = ([100.0, -10.0], [80.0, 42.0]);
+            let sums = [0, 1].map(|k| 4.0 * of_noise[k] + field * of_field[k]);
+            let class = ClassStatistics { sums, of_noise, of_field, scatter: 25.0 };
+            CommonStatistics([class; COMMON_CLASSES]).deviations()[3]
+        };
+        // Were there noise only, it would have the variance of the first sum, and the second a scatter of 5 times that. An error of the
+        // second sum by one is one of the field by 100 / (100 * 42 + 10 * 80).
+        let error = |field: f64| 5.0 * (400.0 + 80.0 * field) / 5000.0;
+        for field in [2.0, 6.0, 20.0] {
+            let threshold = 2.0 * error(field) / field;
+            let expected = if threshold < 1.0 { (field * (1.0 - threshold * threshold)).sqrt() } else { 0.0 };
+            assert!((deviation(field) - expected).abs() < 1e-9, "{field}: {} {expected}", deviation(field));
+        }
+        // `field = 2 error(field)` is where it vanishes: 0.8 / 0.84.
+        assert!(deviation(0.94) == 0.0 && deviation(0.97) > 0.0);
+        assert_eq!(deviation(-1.0), 0.0);
     }
 
     #[test]

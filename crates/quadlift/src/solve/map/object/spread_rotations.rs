@@ -87,4 +87,14 @@ mod tests {
             assert!(ALL[..k].iter().all(|other| angle(one, other) > 10.0));
         }
     }
+
+    #[test]
+    fn rounds_have_rotations_of_their_own_and_come_again_after_the_last() {
+        let all: Vec<Vec<Matrix3<f64>>> = (0..ROUNDS).map(|round| spread_rotations(round).collect()).collect();
+        assert!(all.iter().all(|of_round| of_round.len() == 16));
+        for (a, b) in (0..ROUNDS).flat_map(|a| (0..a).map(move |b| (a, b))) {
+            assert!(all[a].iter().all(|one| all[b].iter().all(|other| (one - other).amax() > 1e-3)), "{a} {b}");
+        }
+        assert_eq!(spread_rotations(ROUNDS + 1).collect::<Vec<_>>(), all[1]);
+    }
 }

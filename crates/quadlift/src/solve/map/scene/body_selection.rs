@@ -300,4 +300,51 @@ mod tests {
         let ratio = odds(1.0 / 3.0) / odds(1.0);
         assert!((0.25..0.5).contains(&ratio), "{ratio}");
     }
+
+    /// The probability of one object, and of two that know of each other, against the equations of the shares.
+    #[test]
+    fn probabilities_are_those_of_the_shares_of_the_others() {
+        // Of a cuboid, a third of one in a hundred is known beforehand; what the shares count for is one object.
+        let before = 0.01 / 3.0;
+        for cuboid in [20.0, 24.0, 28.0] {
+            let told = [object(0, 30.0, cuboid)];
+            let (pooled, one) = Pooled::among(&told, MOSTLY_ELLIPSOIDS).unwrap();
+            let odds = told[0].log_odds(pooled.variance, pooled.independent)[CUBOID].exp();
+            let expected = odds * before / (odds * before + 0.99);
+            assert!((one[0][CUBOID] - expected).abs() < 1e-9, "{} {expected}", one[0][CUBOID]);
+            let told = [object(0, 30.0, cuboid), object(0, 30.0, cuboid)];
+            let (_, two) = Pooled::among(&told, MOSTLY_ELLIPSOIDS).unwrap();
+            let mut expected = 1.0;
+            for _ in 0..1000 {
+                let share = |known: f64, prior: f64| (known + (known + prior) / 2.0) / 2.0;
+                let cuboids = odds * share(expected, before);
+                expected = cuboids / (cuboids + share(1.0 - expected, 0.99));
+            }
+            assert!((two[1][CUBOID] - expected).abs() < 1e-6, "{} {expected}", two[1][CUBOID]);
+        }
+    }
+
+    #[test]
+    fn all_kinds_are_tried_where_other_objects_of_the_category_are_no_ellipsoids() {
+        let tried = |category: usize, ellipsoid: f64, other: f64| {
+            let mut evidence = object(category, ellipsoid, other);
+            evidence.fits.swap(CUBOID, TRIED);
+            evidence
+        };
+        let mut told = vec![tried(0, 90.0, 30.0); 12];
+        told.extend(vec![tried(1, 30.0, 90.0); 12]);
+        let (pooled, _) = Pooled::among(&told, EVEN).unwrap();
+        // One that is an ellipsoid by itself, in each of the categories.
+        for (category, expected) in [(0, true), (1, false)] {
+            let evidence = tried(category, 30.0, 90.0);
+            let probabilities = pooled.of_another(&evidence);
+            assert!(probabilities[TRIED] < 0.05, "{probabilities:?}");
+            assert_eq!(pooled.may_be_another(&evidence, &probabilities), expected, "{category}");
+        }
+        let mut probabilities = [0.0; KINDS];
+        for (probability, expected) in [(0.06, true), (0.04, false)] {
+            probabilities[TRIED] = probability;
+            assert_eq!(pooled.may_be_another(&tried(1, 30.0, 30.0), &probabilities), expected, "{probability}");
+        }
+    }
 }

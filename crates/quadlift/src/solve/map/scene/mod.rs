@@ -6,4 +6,6 @@ pub(crate) mod body_selection;
 pub(crate) mod learnt_sizes;
 pub(crate) mod scene_fit;
 mod scene_scales;
+#[cfg(test)]
+mod test_scenes;
 pub(crate) mod upright;

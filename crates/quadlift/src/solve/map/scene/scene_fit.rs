@@ -507,3 +507,7 @@ fn ground_plane(fits: &[Result<Fit, Box<Estimate>>], context: &MapContext) -> Op
     let lowest: Vec<LowestPoint> = standing.filter_map(|fit| fit.lowest_point(&up)).collect();
     GroundPlane::fit(&up, &lowest, &context.cameras, context.options.camera_height)
 }
+
+#[cfg(test)]
+#[path = "scene_fit_tests.rs"]
+mod tests;

@@ -324,6 +324,26 @@ mod tests {
     }
 
     #[test]
+    fn long_steps_are_shortened_as_a_whole() {
+        // Two sources whose lengths are too long by these logarithms.
+        let steps = |errors: [f64; 2]| {
+            let constants = [Constant::Depth(None), Constant::Distance(None)];
+            let term = |error: f64| Term { information: 50.0, gradient: -50.0 * error, ..Default::default() };
+            let terms = constants.into_iter().zip(errors.map(term)).collect();
+            let object = ObjectTerms { terms, covariance: Matrix9::identity(), step: SVector::zeros(), cost: 0.0 };
+            let step = CueScales::default().step(std::iter::once(&object)).unwrap();
+            constants.map(|constant| step.value(constant))
+        };
+        let share = 50.0 / (50.0 + DEPTH_SCALE_SD.get().powi(-2));
+        for (errors, expected) in
+            [([0.2, -0.1], [0.2 * share, -0.1 * share]), ([2.0, 0.5], [0.3, 0.075]), ([-0.5, 1.0], [-0.15, 0.3])]
+        {
+            let found = steps(errors);
+            assert!((0..2).all(|k| (found[k] - expected[k]).abs() < 1e-9), "{found:?} {expected:?}");
+        }
+    }
+
+    #[test]
     fn a_median_is_a_start_and_an_unsure_scale_makes_objects_unsure() {
         let ratios = BTreeMap::from([
             (Constant::Depth(Some(1)), vec![6.9, 7.0, 6.8, f64::NAN, -3.0, 6.9, 7.1]),

@@ -1,0 +1,42 @@
+//! Scenes for the tests of this folder.
+
+use std::sync::Arc;
+
+use crate::observer::{Unobserved, Watch};
+use crate::scene::{ObjectViews, Scene};
+use crate::solve::map::context::MapContext;
+use crate::solve::map::shared::pose_points::PosePoints;
+use crate::solve::options::MapOptions;
+use crate::synthetic::{Noise, Observations, SyntheticOptions, generate};
+
+/// A synthetic scene of boxes with this noise, relative to their half sizes.
+pub(super) fn box_scene(noise: f64, options: &SyntheticOptions) -> Scene {
+    let noise = vec![Noise::BoxEdges(noise)];
+    generate(&SyntheticOptions { observations: Observations::Boxes, noise, ..options.clone() }).unwrap().scene
+}
+
+/// Runs a test with the views of each object of a scene, by index, and what the objects share.
+pub(super) fn with_scene(
+    scene: &Scene,
+    options: &MapOptions,
+    test: impl FnOnce(&(dyn Fn(usize) -> ObjectViews + Sync), &MapContext),
+) {
+    let context = MapContext {
+        has_cues: false,
+        categories: &scene.categories,
+        up: None,
+        cameras: Vec::new(),
+        pose_unknowns: Arc::default(),
+        pose_points: PosePoints::default(),
+        seed: 0,
+        enclosing_quantile: 0.85,
+        options,
+        watch: &Watch::new(&Unobserved, 1),
+    };
+    let views_of = |object: usize| {
+        let of_object = |index: &u32| scene.detections[*index as usize].object_index == Some(object as u32);
+        let detections: Vec<u32> = (0..scene.detections.len() as u32).filter(of_object).collect();
+        scene.object_views(object, &detections)
+    };
+    test(&views_of, &context);
+}
