@@ -46,9 +46,8 @@ export function objectTable(
       title: `size${unit}`,
       hint: "full extents along the axes, the largest first; sorted by volume",
       value: (k) => (objects[k] ? size(objects[k]) : null),
-      text: (k) => extents(objects[k]?.body ?? null),
+      text: (k) => extents(report, objects[k]?.body ?? null),
       number: true,
-      secondary: true,
     },
     {
       title: `center\u00a0±${unit}`,
@@ -65,6 +64,8 @@ export function objectTable(
       text: (k) => short(objects[k]?.residual ?? null),
       number: true,
       bar: (k) => (objects[k]?.residual ?? 0) / largest,
+      // Scores are better than residuals.
+      secondary: scores !== null,
     },
     {
       title: "views",
@@ -75,6 +76,7 @@ export function objectTable(
         return viewsRejected > 0 ? `${viewsUsed} (✕\u202f${viewsRejected})` : `${viewsUsed}`;
       },
       number: true,
+      secondary: true,
     },
   ];
   if (objects.some((object) => object.predictedIou !== null)) {
