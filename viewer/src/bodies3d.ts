@@ -24,7 +24,7 @@ export function placement(body: Body, origin: Vec3): THREE.Matrix4 {
 
 /** Number of triangles around a round body: smooth borders where there are few bodies. */
 export function roundsFor(bodies: number): number {
-  return bodies > MANY ? 16 : bodies > 50 ? 40 : 96;
+  return bodies > MANY ? 16 : bodies > 50 ? 40 : 64;
 }
 
 /** The unit shape of a body, with so many triangles around it. */

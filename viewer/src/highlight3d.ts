@@ -3,7 +3,7 @@
 
 import * as THREE from "three";
 import type { Report, Vec3 } from "./data.ts";
-import { dashedWires, lines, placement, unitGeometry } from "./bodies3d.ts";
+import { dashedWires, lines, placement, roundsFor, unitGeometry } from "./bodies3d.ts";
 import { wireframe, worldFromUnit } from "./body_shape.ts";
 import type { Label3d } from "./labels3d.ts";
 import { add, scale } from "./linear.ts";
@@ -46,7 +46,7 @@ export function highlight(
     const material = new THREE.MeshLambertMaterial({
       color: style.color, transparent: true, opacity: unreliable ? 0.25 : 0.55, depthWrite: false,
     });
-    const mesh = new THREE.Mesh(unitGeometry(body, 96), material);
+    const mesh = new THREE.Mesh(unitGeometry(body, roundsFor(1)), material);
     mesh.applyMatrix4(placement(body, origin));
     mesh.renderOrder = 1;
     group.add(mesh);
