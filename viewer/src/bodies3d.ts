@@ -22,10 +22,14 @@ export function placement(body: Body, origin: Vec3): THREE.Matrix4 {
   );
 }
 
-/** The unit shape of a body, with more triangles where there are few bodies. */
-export function unitGeometry(body: Body, bodies: number): THREE.BufferGeometry {
+/** Number of triangles around a round body: smooth borders where there are few bodies. */
+export function roundsFor(bodies: number): number {
+  return bodies > MANY ? 16 : bodies > 50 ? 40 : 64;
+}
+
+/** The unit shape of a body, with so many triangles around it. */
+export function unitGeometry(body: Body, rounds: number): THREE.BufferGeometry {
   if (body.kind === "cuboid") return new THREE.BoxGeometry(2, 2, 2);
-  const rounds = bodies > MANY ? 16 : 40;
   // About the third axis, not the second one as in three.js.
   if (body.kind === "cylinder") return new THREE.CylinderGeometry(1, 1, 2, rounds).rotateX(Math.PI / 2);
   const geometry = new THREE.SphereGeometry(1, rounds, rounds / 2);
@@ -42,6 +46,9 @@ export function unitGeometry(body: Body, bodies: number): THREE.BufferGeometry {
 /** Opacity of a body that its views do not agree with, between its dashed lines. */
 const UNRELIABLE_OPACITY = 0.16;
 
+/** A body with more than this share of the size of the object's own body hides that. */
+const HIDES = 0.5;
+
 /** The dashed wires of a body that its views do not agree with. */
 export function dashedWires(body: Body, origin: Vec3, color: string): THREE.LineSegments {
   const size = Math.max(...body.half);
@@ -52,6 +59,8 @@ export function dashedWires(body: Body, origin: Vec3, color: string): THREE.Line
 /** How the bodies of a layer look. */
 export interface BodyStyle {
   opacity: number;
+  /** Opacity of one that would hide the body of its object, where that differs. */
+  largeOpacity?: number;
   /** Whether bodies that their views do not agree with are dashed. */
   dashed?: boolean;
   /** Color of an object's body. */
@@ -129,20 +138,28 @@ export class BodyLayer {
 
   private geometry(shape: string, body: Body | undefined): THREE.BufferGeometry | null {
     if (body === undefined) return null;
-    const known = this.geometries.get(shape) ?? unitGeometry(body, this.report.objects.length);
+    const known = this.geometries.get(shape) ?? unitGeometry(body, roundsFor(this.report.objects.length));
     this.geometries.set(shape, known);
     return known;
+  }
+
+  /** The opacity of a sound body. */
+  private opacityOf(body: Body, object: number): number {
+    const { opacity, largeOpacity = opacity } = this.style;
+    const own = this.report.objects[object]?.body;
+    return own != null && Math.max(...body.half) > HIDES * Math.max(...own.half) ? largeOpacity : opacity;
   }
 
   private single(
     geometry: THREE.BufferGeometry,
     body: Body,
     object: number,
-    opacity: number = this.style.opacity,
+    opacity: number = this.opacityOf(body, object),
   ): THREE.Mesh {
     const color = this.style.color(object);
-    const material = new THREE.MeshLambertMaterial({
-      color, transparent: true, opacity, depthWrite: opacity > 0.8, depthTest: this.style.over !== true,
+    const material = new THREE.MeshPhongMaterial({
+      color, specular: "#303030", shininess: 25, transparent: true, opacity, depthWrite: opacity > 0.8,
+      depthTest: this.style.over !== true,
     });
     const mesh = new THREE.Mesh(geometry, material);
     // Sets position, rotation and scale: three.js sorts by the position.

@@ -77,10 +77,10 @@ export function surfacePoints(body: Body): Vec3[] {
   if (body.kind === "cuboid") return CORNERS.map(place);
   if (body.kind === "cylinder") return [...rim(64, -1), ...rim(64, 1)].map(place);
   const points: Vec3[] = [];
-  for (let i = 0; i <= 16; i++) {
-    const polar = (Math.PI * i) / 16;
-    for (let j = 0; j < 32; j++) {
-      const angle = (2 * Math.PI * j) / 32;
+  for (let i = 0; i <= 24; i++) {
+    const polar = (Math.PI * i) / 24;
+    for (let j = 0; j < 48; j++) {
+      const angle = (2 * Math.PI * j) / 48;
       const v: Vec3 = [Math.sin(polar) * Math.cos(angle), Math.sin(polar) * Math.sin(angle), Math.cos(polar)];
       points.push(place(unitPoint(v, body.exponent)));
     }

@@ -6,6 +6,7 @@ import type { Report, Vec3 } from "./data.ts";
 import { lines } from "./bodies3d.ts";
 import { frustum, imageCorners, ImagePlane3d } from "./image_plane3d.ts";
 import { norm, subtract, type Viewpoint } from "./linear.ts";
+import type { Box } from "./place_labels.ts";
 import type { Space } from "./space.ts";
 
 /** How much larger the selected camera is than the others. */
@@ -68,6 +69,11 @@ export class Cameras3d {
   /** Shows the image of a frame: with its camera, or behind the objects, as the camera sees it. */
   select(index: number, isBehindObjects: boolean): void {
     this.image.show(index, isBehindObjects ? this.image.depthBehindObjects(index) : LARGER * this.depth);
+  }
+
+  /** Fades the image of the selected frame where it covers bodies in these boxes. */
+  fade(camera: THREE.Camera, width: number, height: number, boxes: (Box | undefined)[]): void {
+    this.image.fade(camera, width, height, boxes);
   }
 
   /** Where all the lines of the cameras end, to have them in sight. */

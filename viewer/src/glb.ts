@@ -9,6 +9,9 @@ import { isUnreliable, objectName } from "./words.ts";
 const [FLOAT, UNSIGNED_SHORT, ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER] = [5126, 5123, 34962, 34963];
 const [MAGIC, JSON_CHUNK, BINARY_CHUNK] = [0x46546c67, 0x4e4f534a, 0x004e4942];
 
+/** Triangles around a round body. */
+const ROUNDS = 40;
+
 interface Shape {
   attributes: { POSITION: number; NORMAL: number };
   indices: number;
@@ -48,7 +51,7 @@ export function bodiesGlb(
     const key = `${body.kind} ${body.exponent}`;
     let shape = shapes.get(key);
     if (shape === undefined) {
-      const geometry = unitGeometry(body, 1);
+      const geometry = unitGeometry(body, ROUNDS);
       const positions = Float32Array.from(geometry.getAttribute("position").array);
       shape = {
         attributes: {

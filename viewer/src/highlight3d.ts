@@ -3,12 +3,12 @@
 
 import * as THREE from "three";
 import type { Report, Vec3 } from "./data.ts";
-import { dashedWires, lines, placement, unitGeometry } from "./bodies3d.ts";
+import { dashedWires, lines, placement, roundsFor, unitGeometry } from "./bodies3d.ts";
 import { wireframe, worldFromUnit } from "./body_shape.ts";
 import type { Label3d } from "./labels3d.ts";
 import { add, scale } from "./linear.ts";
 import type { Measure } from "./measure.ts";
-import { isUnreliable, withUnit } from "./words.ts";
+import { isUnreliable, lengths } from "./words.ts";
 
 /** How the highlight is drawn. */
 export interface HighlightStyle {
@@ -46,7 +46,7 @@ export function highlight(
     const material = new THREE.MeshLambertMaterial({
       color: style.color, transparent: true, opacity: unreliable ? 0.25 : 0.55, depthWrite: false,
     });
-    const mesh = new THREE.Mesh(unitGeometry(body, 1), material);
+    const mesh = new THREE.Mesh(unitGeometry(body, roundsFor(1)), material);
     mesh.applyMatrix4(placement(body, origin));
     mesh.renderOrder = 1;
     group.add(mesh);
@@ -56,9 +56,10 @@ export function highlight(
     const place = worldFromUnit(body);
     const ends = [0, 1, 2].map((k) => [-1, 1].map((s) => place([0, 1, 2].map((j) => (j === k ? s : 0)) as Vec3)));
     draw(ends as [Vec3, Vec3][], style.ink);
+    const sizes = lengths(report, body.half.map((half) => 2 * half));
     ends.forEach(([, end], k) => {
-      const text = withUnit(2 * (body.half[k] ?? 0), report.lengthUnit);
-      if (end !== undefined) labels.push({ text, at: end, must: false, mayStandApart: true });
+      const text = `${sizes[k]} ${report.lengthUnit ?? "units"}`;
+      if (end !== undefined) labels.push({ text, at: end, must: false, mayStandApart: true, outOf: selected });
     });
   }
   for (const other of object.alternatives) draw(wireframe(other.body), style.ink);

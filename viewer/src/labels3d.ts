@@ -17,6 +17,8 @@ export interface Label3d {
   must: boolean;
   /** The object that it names: it stands beside its body. */
   object?: number;
+  /** The object that it stands out of, with a line to its place in it. */
+  outOf?: number;
   /** Whether it may stand apart from its place, with a line to it; names may. */
   mayStandApart?: boolean;
 }
@@ -66,15 +68,19 @@ export class Labels3d {
       const isSeen = point.z < 1 && x > 0 && x < width && y > 0 && y < height;
       if (span) span.hidden = !isSeen;
       const box: Box = (label.object === undefined ? undefined : objects[label.object]) ?? [x, y, x, y];
-      return span && isSeen ? [{ label, span, box }] : [];
+      const outOf = label.outOf === undefined ? undefined : objects[label.outOf];
+      return span && isSeen ? [{ label, span, box, outOf }] : [];
     });
     // All sizes are read before anything is moved.
-    const wishes = seen.map(({ label, span, box }) => {
+    const wishes = seen.map(({ label, span, box, outOf }) => {
       const [w, h] = [span.offsetWidth, span.offsetHeight];
       const distances = mayStandApart(label) ? DISTANCES : DISTANCES.slice(0, 1);
       return {
         width: w, height: h, must: label.must, mayCover: label.object === undefined ? 1 : MAY_COVER,
-        places: distances.flatMap((distance) => around(box, w, h, distance)),
+        places: [
+          ...distances.flatMap((distance) => around(box, w, h, distance)),
+          ...(outOf === undefined ? [] : nextTo(outOf, [box[0], box[1]], w, h)),
+        ],
       };
     });
     const obstacles = objects.filter((box) => box !== undefined);
@@ -137,6 +143,16 @@ function around([x0, y0, x1, y1]: Box, w: number, h: number, distance: number): 
     [right, above], [left, above], [right, below], [left, below],
     [x0, above], [x1 - w, above], [right, y0], [left, y0], [x0, below], [x1 - w, below],
   ];
+}
+
+/** Places of a label on the sides of a box, straight out from a point in it, the nearest first. */
+function nextTo([x0, y0, x1, y1]: Box, [x, y]: [number, number], w: number, h: number): [number, number][] {
+  const [gap] = DISTANCES as [number];
+  const sides: [number, number, number][] = [
+    [x - x0, x0 - w - gap, y - h / 2], [x1 - x, x1 + gap, y - h / 2],
+    [y - y0, x - w / 2, y0 - h - gap], [y1 - y, x - w / 2, y1 + gap],
+  ];
+  return sides.sort((a, b) => a[0] - b[0]).map(([, left, top]) => [left, top]);
 }
 
 /** A line from the middle of an object to its label, where these are apart. */

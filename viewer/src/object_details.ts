@@ -9,7 +9,7 @@ import { viewsOf, type ViewOf } from "./object_views.ts";
 import { overview } from "./overview.ts";
 import type { Selection } from "./selection.ts";
 import { Table } from "./table.ts";
-import { alternativeInWords, extents, objectName, remarks, short, statusName, viewState, withLabels, withUnit } from "./words.ts";
+import { alternativeInWords, extents, objectName, position, remarks, short, statusName, viewState, withLabels, withUnit } from "./words.ts";
 
 /** `look` turns the 3D view to an object. */
 export function objectDetails(
@@ -80,8 +80,8 @@ function facts(report: Report, index: number, object: ReportObject): [string, st
     ["status", statusName(object.status)],
     ...(object.trueId === null ? [] : [["true object", object.trueId] as [string, string]]),
     ["body", object.body === null ? "none" : object.body.kind],
-    ["size", object.body === null ? "–" : `${extents(object.body)} ${unit}`],
-    ["center", object.center === null ? "–" : `(${object.center.map((x) => short(x)).join(", ")}) ${unit}`],
+    ["size", object.body === null ? "–" : `${extents(report, object.body)} ${unit}`],
+    ["center", position(report, object.center)],
     ...(object.centerSd === null
       ? []
       : [["center uncertainty", `± ${withUnit(object.centerSd, lengthUnit)} along each axis`] as [string, string]]),
@@ -91,7 +91,7 @@ function facts(report: Report, index: number, object: ReportObject): [string, st
       : [["misfit", `${short(100 * object.misfit)} % of the boxes' half size${deviations(object)}`] as [string, string]]),
     ...(object.alternatives.length === 0
       ? []
-      : [["other bodies", object.alternatives.map(alternativeInWords).join("; ")] as [string, string]]),
+      : [["other bodies", object.alternatives.map((other) => alternativeInWords(report, other)).join("; ")] as [string, string]]),
     ...(object.predictedIou === null
       ? []
       : [["held-out views", `predicted by the others with IoU ${object.predictedIou.toFixed(2)}`] as [string, string]]),

@@ -46,9 +46,8 @@ export function objectTable(
       title: `size${unit}`,
       hint: "full extents along the axes, the largest first; sorted by volume",
       value: (k) => (objects[k] ? size(objects[k]) : null),
-      text: (k) => extents(objects[k]?.body ?? null),
+      text: (k) => extents(report, objects[k]?.body ?? null),
       number: true,
-      secondary: true,
     },
     {
       title: `center\u00a0±${unit}`,
@@ -56,7 +55,7 @@ export function objectTable(
       value: (k) => objects[k]?.centerSd ?? null,
       text: (k) => short(objects[k]?.centerSd ?? null),
       number: true,
-      minor: true,
+      room: "wide",
     },
     {
       title: "residual [px]",
@@ -65,6 +64,8 @@ export function objectTable(
       text: (k) => short(objects[k]?.residual ?? null),
       number: true,
       bar: (k) => (objects[k]?.residual ?? 0) / largest,
+      // Scores are better than residuals.
+      room: scores === null ? "narrow" : "medium",
     },
     {
       title: "views",
@@ -75,6 +76,7 @@ export function objectTable(
         return viewsRejected > 0 ? `${viewsUsed} (✕\u202f${viewsRejected})` : `${viewsUsed}`;
       },
       number: true,
+      room: "medium",
     },
   ];
   if (objects.some((object) => object.predictedIou !== null)) {
@@ -84,20 +86,20 @@ export function objectTable(
       value: (k) => objects[k]?.predictedIou ?? null,
       text: (k) => objects[k]?.predictedIou?.toFixed(2) ?? "–",
       number: true,
-      minor: true,
+      room: "wide",
     });
   }
   // Objects whose names tell their category need it only once.
   const tells = (k: number): boolean => objectName(report, k).startsWith(categories[objects[k]?.category ?? -1] ?? "");
   if (objects.some((_, k) => !tells(k))) {
     const category = (k: number): string => categories[objects[k]?.category ?? -1] ?? "";
-    columns.splice(1, 0, { title: "category", value: category, text: category, minor: true });
+    columns.splice(1, 0, { title: "category", value: category, text: category, room: "wide" });
   }
   const first = scores?.columns[0];
   if (scores && first) {
     const values = new Map(scores.rows.map((row) => [row.object, row.values[0] ?? null]));
     const value = (k: number): number | null => values.get(k) ?? null;
-    columns.push({ title: first.title, value, text: (k) => score(value(k), first), number: true });
+    columns.push({ title: first.title, value, text: (k) => score(value(k), first), number: true, room: "narrow" });
   }
   const table = new Table<number>("Objects", columns, (k) => selection.selectObject(k), look);
   const keys = objects.map((_, k) => k);

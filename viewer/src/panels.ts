@@ -72,7 +72,7 @@ export function scores(report: Report, selection: Selection, colors: Colors): HT
       text: (k) => text(scores.rows[k]?.values[c], c),
       number: true,
       // The means above have them all.
-      secondary: used.indexOf(c) > 1,
+      room: used.indexOf(c) > 1 ? "medium" : undefined,
     })),
   ];
   const table = new Table<number>("Scores against the truth", columns, (object) => selection.selectObject(object));

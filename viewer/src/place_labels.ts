@@ -51,7 +51,7 @@ export function placeLabels(
 }
 
 /** Area that two boxes share. */
-function overlap(a: Box, b: Box): number {
+export function overlap(a: Box, b: Box): number {
   const [w, h] = [Math.min(a[2], b[2]) - Math.max(a[0], b[0]), Math.min(a[3], b[3]) - Math.max(a[1], b[1])];
   return w > 0 && h > 0 ? w * h : 0;
 }

@@ -13,6 +13,13 @@ const AXES: [string, string, Vec3][] = [
   ["z", "#3b7de0", [0, 0, 1]],
 ];
 
+/** Light from the sky of the world, and less of it from the ground. */
+export function skyLight(up: Vec3): THREE.HemisphereLight {
+  const light = new THREE.HemisphereLight("#ffffff", "#70707c", 1.2);
+  light.position.set(...up);
+  return light;
+}
+
 export class Surroundings3d {
   readonly group = new THREE.Group();
   /** Side of the squares of the grid, world units. */

@@ -16,10 +16,8 @@ export interface Column<Row> {
   style?: (row: Row) => string;
   /** Color of a mark before the text. */
   mark?: (row: Row) => string;
-  /** Whether the column is left out in narrow windows; the selected object's text has it too. */
-  secondary?: boolean;
-  /** Whether it is left out in windows of medium width too. */
-  minor?: boolean;
+  /** The width of a table that has room for the column; the selected object's text has it too. */
+  room?: "wide" | "medium" | "narrow" | undefined;
   /** What the pointer shows over a cell, where that is more than its text. */
   tip?: (row: Row) => string;
   /** Share of the cell that a bar fills, in [0, 1]. */
@@ -47,8 +45,7 @@ export class Table<Row> {
       button.addEventListener("click", () => this.sortBy(index));
       const header = element("th", { scope: "col", role: "columnheader", "aria-sort": "none" }, button);
       header.classList.toggle("number", column.number === true);
-      header.classList.toggle("secondary", column.secondary === true);
-      header.classList.toggle("minor", column.minor === true);
+      if (column.room !== undefined) header.classList.add(column.room);
       this.headers.push(header);
       line.append(header);
     });
@@ -110,8 +107,7 @@ export class Table<Row> {
     for (const column of this.columns) {
       const cell = element("td", { role: "gridcell", class: column.style?.(row) ?? "" });
       cell.classList.toggle("number", column.number === true);
-      cell.classList.toggle("secondary", column.secondary === true);
-      cell.classList.toggle("minor", column.minor === true);
+      if (column.room !== undefined) cell.classList.add(column.room);
       const tip = column.tip?.(row);
       if (tip !== undefined) cell.title = tip;
       const color = column.mark?.(row);

@@ -10,6 +10,7 @@ import { oncePerPicture, onTheme, themeColor } from "./dom.ts";
 import type { Filter } from "./filter.ts";
 import { Flight, type Pose } from "./flight.ts";
 import { highlight } from "./highlight3d.ts";
+import { isInSight } from "./in_sight3d.ts";
 import { moveByKey } from "./keys3d.ts";
 import { Labels3d } from "./labels3d.ts";
 import { FOV, Looks, type Side } from "./looks3d.ts";
@@ -20,13 +21,16 @@ import { Points3d } from "./points3d.ts";
 import type { Selection } from "./selection.ts";
 import { ScreenBoxes } from "./screen_boxes.ts";
 import type { Space } from "./space.ts";
-import { Surroundings3d } from "./surroundings3d.ts";
+import { skyLight, Surroundings3d } from "./surroundings3d.ts";
 
 /** What can be switched on and off. */
 export type Layer = Which | "cameras" | "given" | "path" | "points" | "grid" | "names";
 
 /** Opacity of the bodies, and when one looks through a camera, so that its image is seen behind them. */
 const [SOLID, SHEER] = [0.9, 0.45];
+
+/** Opacity of a region of uncertainty that is about as large as its object. */
+const FAINT = 0.16;
 
 export class View3d {
   readonly canvas: HTMLCanvasElement;
@@ -53,6 +57,10 @@ export class View3d {
   private size: [number, number] = [0, 0];
   /** Whether the view is still where it opened: then it is fitted again when its size changes. */
   private isFirst = true;
+  /** Whether one looks at one object from near, and has not turned away. */
+  private isNear = false;
+  /** Whether the selection changes by a click into this view: that moves nothing, a second click does. */
+  private isPicking = false;
   /** Whether the image of the selected frame stands behind the objects, as its camera sees it. */
   private isCameraView = false;
   /** Whether one looks through that camera, and has not turned away. */
@@ -81,7 +89,9 @@ export class View3d {
     place.append(this.canvas, this.labels.element);
     const shows = (object: number): boolean => filter.shows(object);
     const layer = (which: Which, opacity: number, color: (object: number) => string, over = false): BodyLayer =>
-      new BodyLayer(report, which, origin, { opacity, color, shows, over, dashed: which === "body" });
+      new BodyLayer(report, which, origin, {
+        opacity, color, shows, over, dashed: which === "body", ...(over ? { largeOpacity: FAINT } : {}),
+      });
     this.bodies = {
       body: layer("body", SOLID, (object) => this.colorOf(object)),
       enclosing: layer("enclosing", 0.16, () => "#8a8a8a"),
@@ -108,7 +118,7 @@ export class View3d {
     this.layers.centerShell.visible = report.objects.length <= MANY;
     // Boxes of hundreds of objects would leave no place for a label.
     this.boxes = report.objects.length <= MANY ? new ScreenBoxes(report, origin) : null;
-    this.world.add(new THREE.HemisphereLight("#ffffff", "#70707c", 1.2), this.light, this.chosen);
+    this.world.add(skyLight(space.up), this.light, this.chosen);
     this.world.add(...Object.values(this.layers));
     this.controls = this.makeControls();
     this.flight = new Flight(this.camera, this.controls, this.redraw);
@@ -123,7 +133,10 @@ export class View3d {
         if (this.isThrough) this.lookFromCamera();
         else this.cameras.select(now.frame, this.isCameraView);
       }
-      if (now.object !== before.object) this.paint();
+      if (now.object !== before.object) {
+        this.paint();
+        this.follow(now.object);
+      }
       this.redraw();
     });
     colors.onChange(() => this.paint());
@@ -132,6 +145,7 @@ export class View3d {
     this.cameras.select(selection.frame, false);
     this.resize();
     this.home(true);
+    this.follow(selection.object, true);
   }
 
   has(layer: Layer): boolean {
@@ -170,10 +184,18 @@ export class View3d {
   }
 
   /** Looks at an object from where one is, from near. */
-  focus(index: number): void {
+  focus(index: number, atOnce = false): void {
     const { x, y, z } = this.camera.position.clone().sub(this.controls.target).normalize();
     const pose = this.looks.object(index, [x, y, z], this.camera.aspect);
-    if (pose !== null) this.look(pose);
+    if (pose === null) return;
+    this.look(pose, atOnce);
+    this.isNear = true;
+  }
+
+  /** Flies to an object that was selected elsewhere: from another one that was looked at, or where it is not in sight. */
+  private follow(index: number, atOnce = false): void {
+    if (index < 0 || this.isPicking || this.isThrough) return;
+    if (this.isNear || !isInSight(this.report.objects[index], this.camera, this.space.origin)) this.focus(index, atOnce);
   }
 
   /** Looks through the camera of the selected frame, whose image then stands behind the objects. */
@@ -208,7 +230,7 @@ export class View3d {
 
   /** Where one looks from is no longer a place that follows the size of the view and the selection. */
   private leave(): void {
-    [this.isFirst, this.isThrough] = [false, false];
+    [this.isFirst, this.isNear, this.isThrough] = [false, false, false];
     this.flight.stop();
   }
 
@@ -267,9 +289,11 @@ export class View3d {
     const cameras = this.layers.cameras.visible ? this.cameras : null;
     this.clicked = pick(event, this.canvas, this.camera, bodies, cameras);
     const { object, frame } = this.clicked;
+    this.isPicking = true;
     if (event.shiftKey && this.selection.object >= 0) this.measure.choose(object);
     else if (object < 0 && frame >= 0) this.selection.selectFrame(frame);
     else this.selection.selectObject(object);
+    this.isPicking = false;
   }
 
   /** The color of a body; where one is selected, the others pale. */
@@ -340,8 +364,10 @@ export class View3d {
     }
     // From the upper left behind the viewer: from the viewer's place itself, bodies would look flat.
     this.light.position.set(-0.7, 0.9, 1).applyQuaternion(this.camera.quaternion);
-    this.renderer.render(this.world, this.camera);
     const shows = (object: number): boolean => this.filter.shows(object);
-    this.labels.place(this.camera, ...this.size, this.boxes?.of(this.camera, ...this.size, shows) ?? []);
+    const boxes = this.boxes?.of(this.camera, ...this.size, shows) ?? [];
+    this.cameras.fade(this.camera, ...this.size, boxes);
+    this.renderer.render(this.world, this.camera);
+    this.labels.place(this.camera, ...this.size, boxes);
   }
 }

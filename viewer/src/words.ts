@@ -2,7 +2,7 @@
 
 import {
   REJECTED, USED, type Alternative, type Body, type DetectionState, type GivenPose, type Report, type ReportObject,
-  type ScoreColumn,
+  type ScoreColumn, type Vec3,
 } from "./data.ts";
 
 /** A number with three significant digits, without an exponent where that is readable. */
@@ -62,16 +62,44 @@ export function sortedExtents(body: Body): number[] {
   return body.half.map((half) => 2 * half).sort((a, b) => b - a);
 }
 
-/** Full extents in words: with the same number of digits after the point, so that they can be compared. */
-export function extents(body: Body | null): string {
-  if (body === null) return "–";
-  const sizes = sortedExtents(body);
-  const [largest, smallest] = [sizes[0] ?? 0, sizes[2] ?? 0];
-  if (!(smallest >= 1e-4 && largest < 1e6)) return sizes.map(short).join(" × ");
-  // Three digits of the largest, two of the smallest.
-  const digits = (x: number, wanted: number): number => Math.max(0, wanted - 1 - Math.floor(Math.log10(x)));
-  const shared = Math.max(digits(largest, 3), digits(smallest, 2));
-  return sizes.map((size) => size.toFixed(shared)).join(" × ");
+const decimals = new WeakMap<Report, number>();
+
+/** Number of decimals of all lengths of a report: three significant digits of an object of median size. */
+function sharedDecimals(report: Report): number {
+  let shared = decimals.get(report);
+  if (shared === undefined) {
+    const sizes = report.objects.flatMap(({ body }) => (body === null ? [] : [2 * Math.max(...body.half)]));
+    sizes.sort((a, b) => a - b);
+    shared = Math.max(0, decimalsOf(sizes[Math.floor(sizes.length / 2)] ?? 1, 3));
+    decimals.set(report, shared);
+  }
+  return shared;
+}
+
+/** Number of decimals that gives a length so many significant digits. */
+function decimalsOf(length: number, digits: number): number {
+  return digits - 1 - Math.floor(Math.log10(length));
+}
+
+/** Lengths that can be compared with each other: with the same number of decimals. One that would be zero gets more. */
+export function lengths(report: Report, values: number[]): string[] {
+  const shared = sharedDecimals(report);
+  const enough = Math.max(shared, ...values.map((value) => decimalsOf(value, 1)));
+  // Sizes that differ by factors of thousands.
+  if (!(enough <= shared + 3)) return values.map(short);
+  return values.map((value) => value.toFixed(enough));
+}
+
+/** A place in the world. */
+export function position(report: Report, center: Vec3 | null): string {
+  if (center === null) return "–";
+  const texts = center.map((x) => (sharedDecimals(report) > 6 ? short(x) : x.toFixed(sharedDecimals(report))));
+  return `(${texts.join(", ").replaceAll("-", "−")}) ${report.lengthUnit ?? "units"}`;
+}
+
+/** Full extents in words, the largest first. */
+export function extents(report: Report, body: Body | null): string {
+  return body === null ? "–" : lengths(report, sortedExtents(body)).join(" × ");
 }
 
 /** Whether an object's body is shown though its views do not agree with it. */
@@ -109,9 +137,9 @@ export function viewState(state: DetectionState | number, reason: string | undef
 }
 
 /** How probable another body is beside the estimated one, in words. */
-export function alternativeInWords(alternative: Alternative): string {
+export function alternativeInWords(report: Report, alternative: Alternative): string {
   const share = (100 / (1 + Math.exp(-alternative.logOdds))).toFixed(0);
-  return `${extents(alternative.body)}, log odds ${alternative.logOdds.toFixed(1)} (${share} %)`;
+  return `${extents(report, alternative.body)} ${report.lengthUnit ?? "units"}, log odds ${alternative.logOdds.toFixed(1)} (${share} %)`;
 }
 
 /** A status in the table. */
