@@ -361,6 +361,8 @@ fn cameras_from_objects() {
         ("cameras_refined", 0.0, 0.6),
         ("calibrate_right", 0.9, 1.0),
         ("calibrate_wrong", 0.0, 0.0),
+        ("calibrate_false_alarms", 0.0, 0.0),
+        ("calibrate_wrong_and_ok", 0.0, 0.0),
     ];
     assert_within(&short(Experiment::Cameras), &bounds);
 }

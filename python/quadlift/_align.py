@@ -115,6 +115,11 @@ class Alignment:
         return self.status == "ok"
 
     @property
+    def consistent(self) -> bool:
+        """Whether neither units nor `up` contradict the objects."""
+        return self.contradiction is None
+
+    @property
     def a_from_b(self) -> NDArray[np.float64] | None:
         """The transform, shape (4, 4), if it can be trusted."""
         return self.transforms[0].a_from_b if self.ok else None

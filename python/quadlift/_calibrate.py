@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ import numpy as np
 
 from . import _checks, _core
 from ._core import QuadliftError
+from ._estimates import InconsistentSceneWarning
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -25,7 +27,7 @@ class CalibratedCamera:
     ----------
     status : str
         ``"ok"``; ``"given"``: it had a pose; ``"not_connected"``: it sees fewer than five bodies together with the
-        calibrated cameras; ``"inconsistent"``: no pose explains its boxes; ``"ambiguous"``: two do;
+        calibrated cameras; ``"inconsistent"``: the others contradict its boxes; ``"ambiguous"``: two poses fit;
         ``"undetermined"``: its boxes leave the pose open.
     cam_from_world : ndarray, shape (3, 4), or None
         The pose, if the status is ``"ok"`` or ``"given"``.
@@ -35,9 +37,14 @@ class CalibratedCamera:
     rotation_sd, position_sd : float or None
         Standard deviations, root mean squares of the axes: radians, world units.
     instants : int
-        Bodies at instants that were used.
+        Instants at which it sees bodies together with calibrated cameras.
     residual_px : float or None
         Root mean square distance of measured and predicted edges, pixels.
+    edge_sd : float or None
+        Standard deviation of its edges, relative to the mean half size of their boxes.
+    contradiction : str or None
+        What speaks against it: ``"other_bodies"``, ``"noise"``, ``"focal_length"``, ``"mirrored"`` or
+        ``"given_poses"``.
     """
 
     status: str
@@ -47,6 +54,8 @@ class CalibratedCamera:
     position_sd: float | None
     instants: int
     residual_px: float | None
+    edge_sd: float | None
+    contradiction: str | None
 
     @property
     def ok(self) -> bool:
@@ -75,6 +84,8 @@ class RigCalibration:
         Its standard deviation, each way, radians.
     edge_sd : float or None
         Standard deviation of the edges of boxes as it was estimated, relative to their mean half size.
+    consistent : bool
+        Whether no camera contradicts the others.
     """
 
     cameras: list[CalibratedCamera]
@@ -84,6 +95,7 @@ class RigCalibration:
     up: NDArray[np.float64] | None
     up_sd: float | None
     edge_sd: float | None
+    consistent: bool
 
     @property
     def ok(self) -> bool:
@@ -141,6 +153,11 @@ def calibrate(
     RigCalibration
         Cameras whose boxes leave the pose open have none, and a status that says why.
 
+    Warns
+    -----
+    InconsistentSceneWarning
+        Cameras contradict each other; the message names them.
+
     Raises
     ------
     QuadliftError
@@ -176,6 +193,8 @@ def calibrate(
         "seed": _checks.whole("seed", seed, 0),
     }
     answer: dict[str, Any] = _core.calibrate(arrays)
+    if (words := answer.pop("contradictions")) is not None:
+        warnings.warn(f"the cameras are inconsistent: {words}", InconsistentSceneWarning, stacklevel=2)
     answer["cameras"] = [CalibratedCamera(**camera) for camera in answer["cameras"]]
     return RigCalibration(**answer)
 

@@ -253,6 +253,11 @@ class Scene(FromOtherPackages):
         Alignment
             With the merged map, whose objects `localize` finds again from the detections of both, if they have any.
 
+        Warns
+        -----
+        InconsistentSceneWarning
+            Units or `up` of the maps contradict their objects.
+
         Raises
         ------
         QuadliftError
@@ -263,7 +268,12 @@ class Scene(FromOtherPackages):
             raise _core.QuadliftError(f"up_sd_deg is {up_sd_deg}; expected a number above 0")
         up = up_sd if _checks.flag("use_up", use_up) else None
         found, merged = self._core.align(_checks.scene("other", other), _checks.text("scale", scale), up)
-        return Alignment._of(json.loads(found), None if merged is None else Scene(merged))
+        alignment = Alignment._of(json.loads(found), None if merged is None else Scene(merged))
+        if not alignment.consistent:
+            what = {"scale": "units", "up": "`up`"}[alignment.contradiction or "scale"]
+            text = f"the maps are inconsistent: their {what} contradict the objects"
+            warnings.warn(text, _estimates.InconsistentSceneWarning, stacklevel=2)
+        return alignment
 
 
 @dataclass(frozen=True, eq=False, repr=False)

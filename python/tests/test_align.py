@@ -68,8 +68,10 @@ def test_maps_that_are_not_aligned_say_why() -> None:
     names = [f"a{k}" for k in range(8)]
     a = half(0.0, names, 1.0, [0.0, 0.0, 0.0])
     b = half(np.pi, names, 0.5, [3.0, -1.0, 2.0])
-    rigid = a.align(b, scale="rigid")
+    with pytest.warns(quadlift.InconsistentSceneWarning, match="units contradict the objects"):
+        rigid = a.align(b, scale="rigid")
     assert not rigid.ok
+    assert not rigid.consistent
     assert rigid.contradiction == "scale"
     assert rigid.a_from_b is None
     assert rigid.matches is None

@@ -119,3 +119,14 @@ def test_wrong_arguments_are_named(arguments: dict[str, object], message: str) -
     with pytest.raises(quadlift.QuadliftError) as error:
         quadlift.calibrate(**{**walk(), **arguments})
     assert message in str(error.value)
+
+
+def test_a_camera_that_the_others_contradict_is_named() -> None:
+    arrays = walk()
+    of_other = arrays["cameras"] == 1
+    arrays["boxes"][of_other] = arrays["boxes"][of_other][:, [2, 1, 0, 3]] * [-1, 1, -1, 1] + [1280, 0, 1280, 0]
+    with pytest.warns(quadlift.InconsistentSceneWarning, match="camera 1: .*mirrored"):
+        rig = quadlift.calibrate(**arrays, categories=["person"] * len(arrays["boxes"]))
+    assert not rig.consistent
+    assert [camera.contradiction for camera in rig.cameras] == [None, "mirrored", None]
+    assert [camera.status for camera in rig.cameras] == ["ok", "inconsistent", "ok"]

@@ -4,6 +4,7 @@
 mod alignment;
 mod calibration;
 mod centers;
+mod contradictions;
 mod eight_point;
 mod images;
 mod p3p;
@@ -29,6 +30,7 @@ pub fn run(data: Option<&Path>, run: &Run) -> Result<Report, Error> {
     alignment::run(run, &mut report)?;
     refinement::run(run, &mut report)?;
     calibration::run(run, &mut report)?;
+    contradictions::run(run, &mut report)?;
     match data_folder(data) {
         Ok(folder) => {
             real::run(&folder, run, &mut report)?;

@@ -5,13 +5,14 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyAr
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use quadlift::calibrate::{
-    CalibrateOptions, CalibratedCamera, CameraDistance, Rig, RigBox, RigCamera, RigCategory, calibrate as solve,
+    CalibrateOptions, CalibratedCamera, CameraDistance, Contradiction, Rig, RigBox, RigCamera, RigCategory,
+    calibrate as solve,
 };
 use quadlift::geometry::{BoundingBox, CamFromWorld, Intrinsics};
 use quadlift::nalgebra::Matrix3x4;
 use quadlift::solve::CategoryPriors;
 use quadlift_io::builtin_priors;
-use quadlift_io::calibrate::RigOptions;
+use quadlift_io::calibrate::{RigOptions, contradictions_in_words};
 
 use crate::error::refuse;
 use crate::rows::Names;
@@ -110,6 +111,9 @@ pub fn calibrate<'py>(py: Python<'py>, arrays: RigArrays) -> PyResult<Bound<'py,
     dict.set_item("up", found.vertical.map(|vertical| PyArray1::from_vec(py, vertical.up.iter().copied().collect())))?;
     dict.set_item("up_sd", found.vertical.map(|vertical| vertical.sd))?;
     dict.set_item("edge_sd", found.edge_sd)?;
+    dict.set_item("consistent", found.is_consistent())?;
+    let numbers: Vec<String> = (0..found.cameras.len()).map(|camera| camera.to_string()).collect();
+    dict.set_item("contradictions", contradictions_in_words(&numbers, &found))?;
     Ok(dict)
 }
 
@@ -127,5 +131,7 @@ fn camera_dict<'py>(py: Python<'py>, camera: &CalibratedCamera) -> PyResult<Boun
     dict.set_item("position_sd", position_sd)?;
     dict.set_item("instants", camera.instants)?;
     dict.set_item("residual_px", camera.residual_px)?;
+    dict.set_item("edge_sd", camera.edge_sd)?;
+    dict.set_item("contradiction", camera.contradiction.map(Contradiction::name))?;
     Ok(dict)
 }

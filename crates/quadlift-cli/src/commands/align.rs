@@ -36,8 +36,8 @@ Examples:
   quadlift align north.json south.json -o house.json
   quadlift align sfm.json lidar.json --similarity --no-up
 
-Exit codes: 0 success; 1 a file cannot be read or written, or the maps were not aligned; 2 wrong usage; 3 the detections of the merged map
-contradict each other (--accept-inconsistent continues)."
+Exit codes: 0 success; 1 a file cannot be read or written, or the maps were not aligned; 2 wrong usage; 3 the maps were not aligned because
+units or `up` contradict the objects, or the detections of the merged map contradict each other (--accept-inconsistent continues)."
 )]
 pub struct Args {
     /// The first map: a result of `quadlift localize` or `quadlift stream --map`, or a scene file with true objects
@@ -124,7 +124,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         out.error(&why);
         document["reason"] = why.into();
         out.document(&document)?;
-        return Ok(Outcome::SomethingFailed);
+        return Ok(if contradiction.is_some() { Outcome::Inconsistent } else { Outcome::SomethingFailed });
     };
     contradiction.iter().for_each(|contradiction| out.warning(&words::contradiction(contradiction, true)));
     let mut text = words::aligned(&title, best, [&a, &b], &options, &about);

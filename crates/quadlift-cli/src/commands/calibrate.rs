@@ -10,7 +10,7 @@ use quadlift::calibrate::{
 };
 use quadlift::scene::SourceError;
 use quadlift::solve::CategoryPriors;
-use quadlift_io::calibrate::{RigOptions, RigScene, calibration_record};
+use quadlift_io::calibrate::{RigOptions, RigScene, calibration_record, contradictions_in_words};
 use quadlift_io::guard::check_not_read;
 use quadlift_io::{builtin_priors, read_priors, read_scene_file, write_scene_file};
 
@@ -37,13 +37,15 @@ Columns:
   status    ok
             given: the pose was in the file
             not_connected: fewer than five bodies are seen together with calibrated cameras
-            inconsistent: no pose explains the boxes: wrong ids, instants or intrinsics
+            inconsistent: the other cameras contradict its boxes: wrong ids, instants, intrinsics
+            or images; the message says which
             ambiguous: two poses explain the boxes about as well
             undetermined: the boxes leave the pose open: too few, or people who stay in one
             place or on one line
-  instants  bodies at instants that are used
+  instants  instants at which it sees bodies together with calibrated cameras
   position, rotation  standard deviations relative to the reference camera (root mean square of the axes)
   residual  root mean square of the edges of boxes, pixels
+  edges     the noise of the edges, a share of the half size of the boxes
 
 Scale: the sizes of categories (--priors) tell it to within their spread, --distance exactly. Without both the object that is seen
 most is one unit high, and the result has no `length_unit`. People tell the vertical: the world has z upwards, and its origin on
@@ -54,7 +56,8 @@ Examples:
   quadlift calibrate hall.json -o rig.json --distance cam0,cam2,7.46
   quadlift calibrate court.json -o rig.json --min-score 0.5 --posed-only
 
-Exit codes: 0 success; 1 a file cannot be read or written, or no camera was calibrated; 2 wrong usage."
+Exit codes: 0 success; 1 a file cannot be read or written, or no camera was calibrated; 2 wrong usage; 3 cameras
+contradict each other."
 )]
 pub struct Args {
     /// A scene file with `cameras`, `frames` and `detections`
@@ -161,7 +164,8 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let any_way = options.categories(scene.categories()).into_iter().zip(scene.categories());
     let any_way: Vec<&str> =
         any_way.filter(|(known, _)| !known.upright && !known.still).map(|(_, name)| name.as_str()).collect();
-    if calibrated == 0 && args.upright.is_empty() && !any_way.is_empty() {
+    let may_lie = args.upright.is_empty() && !any_way.is_empty();
+    if calibrated == 0 && may_lie {
         out.warning(&format!(
             "{} may lie any way; if their bodies are upright, such as those of people and vehicles, name them with --upright",
             some_of(&any_way)
@@ -190,7 +194,17 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     document["instants"] = scene.instants().into();
     document["length_unit"] = file.length_unit.clone().into();
     out.document(&document)?;
-    Ok(if calibrated == 0 && given < found.cameras.len() { Outcome::SomethingFailed } else { Outcome::Fine })
+    let failed = calibrated == 0 && given < found.cameras.len();
+    Ok(match contradictions_in_words(&scene.ids, &found) {
+        // Bodies of another shape contradict themselves.
+        Some(_) if failed && may_lie => Outcome::SomethingFailed,
+        Some(words) => {
+            out.error(&format!("{}: the cameras are inconsistent: {words}", args.scene.display()));
+            Outcome::Inconsistent
+        }
+        None if failed => Outcome::SomethingFailed,
+        None => Outcome::Fine,
+    })
 }
 
 fn counted_boxes(boxes: usize) -> String {
@@ -260,7 +274,8 @@ fn world(ids: &[String], found: &Calibration, unit: Option<&str>) -> String {
 
 fn table(ids: &[String], found: &Calibration, unit: Option<&str>) -> String {
     let position = with_unit("position", unit);
-    let mut table = Table::new(["<camera", "<status", "instants", &position, "rotation [deg]", "residual [px]"]);
+    let mut table =
+        Table::new(["<camera", "<status", "instants", &position, "rotation [deg]", "residual [px]", "edges [%]"]);
     for (index, (id, camera)) in ids.iter().zip(&found.cameras).enumerate() {
         let style = match camera.status {
             CameraStatus::Ok | CameraStatus::Given => GOOD,
@@ -274,6 +289,7 @@ fn table(ids: &[String], found: &Calibration, unit: Option<&str>) -> String {
             Cell::from(position_of(camera, found.reference == Some(index))),
             Cell::from(camera.sds().map_or_else(String::new, |[sd, _]| format!("{:.2}", sd.to_degrees()))),
             Cell::from(camera.residual_px.map_or_else(String::new, |px| format!("{px:.1}"))),
+            Cell::from(camera.edge_sd.map_or_else(String::new, |sd| format!("{:.1}", 100.0 * sd))),
         ]);
     }
     table.render()

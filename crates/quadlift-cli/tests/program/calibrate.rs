@@ -88,6 +88,29 @@ fn cameras_that_cannot_be_calibrated_are_named_and_have_no_pose() {
 }
 
 #[test]
+fn cameras_that_contradict_each_other_are_named_and_the_exit_code_is_3() {
+    let folder = Folder::new();
+    let mut scene = rig(&folder, "--misses 0.1");
+    for detection in scene["detections"].as_array_mut().unwrap() {
+        if detection["frame"].as_str().unwrap().starts_with("cam1") {
+            for edge in detection["box"].as_array_mut().unwrap() {
+                *edge = json!(0.5 * edge.as_f64().unwrap());
+            }
+        }
+    }
+    folder.write_json("rig.json", &scene);
+    let run = folder.run("calibrate rig.json -o out.json --json");
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    assert!(run.stderr.contains("the cameras are inconsistent: camera cam1: "), "{}", run.stderr);
+    let record = &folder.json("out.json")["calibration"];
+    assert_eq!((&record["consistent"], &record["cameras"][1]["status"]), (&json!(false), &json!("inconsistent")));
+    assert!(record["cameras"][1]["contradiction"].is_string() && record["cameras"][0]["contradiction"].is_null());
+    for camera in [0, 2, 3] {
+        assert_eq!(record["cameras"][camera]["status"], "ok");
+    }
+}
+
+#[test]
 fn people_by_another_name_are_asked_for() {
     let folder = Folder::new();
     let mut scene = rig(&folder, "");

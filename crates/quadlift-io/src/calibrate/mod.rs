@@ -8,5 +8,5 @@ mod rig;
 #[cfg(test)]
 mod tests;
 
-pub use record::{CALIBRATION, calibration_record};
+pub use record::{CALIBRATION, calibration_record, contradictions_in_words};
 pub use rig::{RigOptions, RigScene};

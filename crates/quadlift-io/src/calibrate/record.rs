@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use quadlift::calibrate::{CalibratedCamera, Calibration, RigScale};
+use quadlift::calibrate::{CalibratedCamera, Calibration, Contradiction, RigScale};
 use serde_json::{Value, json};
 
 use super::rig::RigScene;
@@ -16,14 +16,23 @@ pub const CALIBRATION: &str = "calibration";
 const FIGURE_DIGITS: i32 = 6;
 const COVARIANCE_DIGITS: i32 = 9;
 
-/// How the cameras of a rig were calibrated, as JSON: `cameras` (`camera`, `status`, `instants`, `residual_px` and, where a pose was found,
-/// `rotation_sd`, `position_sd` and `covariance`), the `reference` camera, `scale` and `scale_sd`, `up_sd`, `edge_sd`.
+/// How the cameras of a rig were calibrated, as JSON: whether they are `consistent`, `cameras` (`camera`, `status`, `instants`,
+/// `residual_px`, `edge_sd`; where the others contradict it, `contradiction` with its value; where a pose was found, `rotation_sd`,
+/// `position_sd` and `covariance`), the `reference` camera, `scale` and `scale_sd`, `up_sd`, `edge_sd`.
 pub fn calibration_record(ids: &[String], found: &Calibration) -> Value {
     let figure = |x: f64| significant(x, FIGURE_DIGITS);
     let camera = |(id, camera): (&String, &CalibratedCamera)| {
         let mut record = json!({ "camera": id, "status": camera.status.name(), "instants": camera.instants });
-        if let Some(residual) = camera.residual_px {
-            record["residual_px"] = figure(residual).into();
+        for (key, value) in [("residual_px", camera.residual_px), ("edge_sd", camera.edge_sd)] {
+            if let Some(value) = value {
+                record[key] = figure(value).into();
+            }
+        }
+        if let Some(contradiction) = camera.contradiction {
+            record["contradiction"] = contradiction.name().into();
+            if let Some(value) = contradiction.value() {
+                record["contradiction_value"] = figure(value).into();
+            }
         }
         if let (Some([rotation, position]), Some(covariance)) = (camera.sds(), camera.covariance) {
             let rows: [[f64; 6]; 6] =
@@ -35,6 +44,7 @@ pub fn calibration_record(ids: &[String], found: &Calibration) -> Value {
         record
     };
     let mut record = json!({
+        "consistent": found.is_consistent(),
         "cameras": ids.iter().zip(&found.cameras).map(camera).collect::<Vec<_>>(),
         "scale": found.scale.name(),
     });
@@ -48,6 +58,39 @@ pub fn calibration_record(ids: &[String], found: &Calibration) -> Value {
         }
     }
     record
+}
+
+/// Which cameras the others contradict and why; `None` where none is.
+pub fn contradictions_in_words(ids: &[String], found: &Calibration) -> Option<String> {
+    let mut all: Vec<(String, Vec<&str>)> = Vec::new();
+    for (id, camera) in ids.iter().zip(&found.cameras) {
+        let Some(contradiction) = camera.contradiction else { continue };
+        let text = contradiction_in_words(contradiction);
+        match all.iter_mut().find(|(known, _)| *known == text) {
+            Some((_, cameras)) => cameras.push(id.as_str()),
+            None => all.push((text, vec![id.as_str()])),
+        }
+    }
+    let texts = all.iter().map(|(text, cameras)| {
+        let noun = if cameras.len() == 1 { "camera" } else { "cameras" };
+        format!("{noun} {}: {text}", cameras.join(", "))
+    });
+    (!all.is_empty()).then(|| texts.collect::<Vec<_>>().join("; "))
+}
+
+fn contradiction_in_words(contradiction: Contradiction) -> String {
+    match contradiction {
+        Contradiction::Noise(ratio) => format!(
+            "edges of boxes are off by {ratio:.1} times as much as those of the other cameras (wrong intrinsics, images of another size, or \
+             boxes of another camera)"
+        ),
+        Contradiction::FocalLength(factor) => format!(
+            "boxes agree better with a focal length about {factor:.2} times as long (wrong intrinsics, or images of another size)"
+        ),
+        Contradiction::Mirrored => "it would be upside down below the floor (mirrored images)".to_owned(),
+        Contradiction::GivenPoses => "a given pose contradicts the boxes, so that its world is not known".to_owned(),
+        _ => "boxes do not show what the other cameras see (another place, wrong ids, times or intrinsics)".to_owned(),
+    }
 }
 
 impl RigScene {

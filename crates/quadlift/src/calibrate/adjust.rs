@@ -297,3 +297,42 @@ pub(super) fn uncertainty(problem: &Problem, state: &State) -> Option<Uncertaint
     let rows = map_indices(problem.sites.len(), of_site).into_iter().collect::<Option<_>>()?;
     Some(Uncertainty { layout, covariance, rows })
 }
+
+/// By how much the focal length of a camera is too short, as a logarithm, with its standard deviation: what one more unknown would be, to
+/// first order.
+pub(super) fn log_focal(problem: &Problem, state: &State) -> Option<Vec<[f64; 2]>> {
+    let layout = Layout::new(problem);
+    let all = equations(problem, &layout, state)?;
+    let (cholesky, _, inverses) = reduced(&all, 0.0)?;
+    let of_camera = |camera: usize| {
+        let (mut own, mut gradient) = (0.0, 0.0);
+        let mut mixed = DVector::zeros(layout.len);
+        for (site, equations) in all.sites.iter().enumerate() {
+            if problem.sites[site].observations.iter().all(|o| o.camera != camera) {
+                continue;
+            }
+            let mut by_place = Vector3::zeros();
+            for row in problem.rows(state, site)?.iter().filter(|row| row.camera == Some(camera)) {
+                let weight = STUDENT_T.weight(row.residual * row.residual);
+                own += weight * row.by_focal * row.by_focal;
+                gradient += weight * row.by_focal * row.residual;
+                by_place += row.place * (weight * row.by_focal);
+                for (at, derivative) in layout.of_row(row.camera, problem.sites[site].shape).into_iter().zip(row.shared)
+                {
+                    if let Some(at) = at {
+                        mixed[at] += weight * row.by_focal * derivative;
+                    }
+                }
+            }
+            let through = inverses[site] * by_place;
+            own -= by_place.dot(&through);
+            gradient -= equations.gradient.dot(&through);
+            for (&at, by) in equations.indices.iter().zip(equations.mixed.tr_mul(&through).iter()) {
+                mixed[at] -= by;
+            }
+        }
+        let information = own - mixed.dot(&cholesky.solve(&mixed));
+        Some([-gradient / information, information.sqrt().recip()])
+    };
+    (0..state.poses.len()).map(of_camera).collect()
+}

@@ -4,17 +4,31 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::CameraStatus;
 use super::pairs::{Candidate, RelativePose, SAME_POINT, relative_poses};
 use super::predicted::Shape;
 use super::prepared::{Prepared, PreparedBox, Thing};
+use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::rigid::Pose;
 use crate::parallel::map_indices;
 
 /// Bodies that two cameras must share.
 pub(super) const FEWEST_SHARED: usize = 5;
 
-/// Share of them that a motion must explain: boxes of other instants, or with wrong ids, agree by chance at best.
+/// Share of them that a motion must explain ...
 const INLIER_SHARE: f64 = 0.5;
+
+/// ... and of those that motions do not explain by chance, when the instants of one camera are shifted.
+const BEYOND_CHANCE: f64 = 1.0 / 3.0;
+
+/// Shifts of the instants, evenly spread over them; the second best one is what chance explains, since people may walk in circles.
+const SHIFTS: usize = 5;
+
+/// Bodies that are explained to this share, and by chance about as well, are in one place or on one line.
+const WELL_EXPLAINED: f64 = 0.75;
+
+/// Points that spread across their line by less than this share of a body's extent are on it.
+const NO_SPREAD: f64 = 0.25;
 
 /// How two cameras stand to each other: the motions that explain their boxes, the best one first.
 #[derive(Debug, Clone)]
@@ -23,6 +37,8 @@ pub(super) struct Pair {
     pub poses: Vec<RelativePose>,
     /// Bodies at instants that both cameras may see.
     pub shared: usize,
+    /// Why no motion is right; [`CameraStatus::Ok`] where one may be.
+    pub status: CameraStatus,
 }
 
 /// All pairs of cameras whose boxes may show the same bodies.
@@ -31,13 +47,51 @@ pub(super) fn pairs(prepared: &Prepared, seed: u64) -> Vec<Pair> {
     let all: Vec<[usize; 2]> = (0..count).flat_map(|a| (a + 1..count).map(move |b| [a, b])).collect();
     map_indices(all.len(), |k| {
         let cameras @ [a, b] = all[k];
-        let candidates = prepared.candidates(a, b);
+        let candidates = prepared.candidates(a, b, 0);
         let shared = shared(&candidates);
         let mut poses = relative_poses(&candidates, seed);
         let least = (INLIER_SHARE * shared as f64).max(FEWEST_SHARED as f64);
         poses.retain(|pose| pose.inliers.len() as f64 >= least);
-        Pair { cameras, poses, shared }
+        let score = poses.first().map_or(0.0, |best| best.score / shared as f64);
+        let status = if !poses.is_empty() && explains(prepared, cameras, score, seed) {
+            CameraStatus::Ok
+        } else if shared < 2 * FEWEST_SHARED {
+            CameraStatus::NotConnected
+        } else if score > WELL_EXPLAINED || (0..2).any(|side| are_on_a_line(&candidates, side)) {
+            CameraStatus::Undetermined
+        } else {
+            CameraStatus::Inconsistent
+        };
+        if status != CameraStatus::Ok {
+            poses.clear();
+        }
+        Pair { cameras, poses, shared, status }
     })
+}
+
+/// Whether a motion that explains the bodies with this score, for each of them, does so beyond chance.
+fn explains(prepared: &Prepared, [a, b]: [usize; 2], score: f64, seed: u64) -> bool {
+    let instants = prepared.instants();
+    let by_chance = |k: usize| {
+        let candidates = prepared.candidates(a, b, k * instants / (SHIFTS + 1));
+        let best = relative_poses(&candidates, seed).first().map_or(0.0, |best| best.score);
+        best / shared(&candidates).max(1) as f64
+    };
+    let mut chance: Vec<f64> = (1..=SHIFTS).map(by_chance).collect();
+    chance.sort_by(|a, b| b.total_cmp(a));
+    let chance = chance[1];
+    score > chance + BEYOND_CHANCE * (1.0 - chance)
+}
+
+/// Whether the bodies that a camera sees are in one place or on one line.
+fn are_on_a_line(candidates: &[Candidate], side: usize) -> bool {
+    let points = || candidates.iter().map(|candidate| candidate.points[side]);
+    let count = candidates.len().max(1) as f64;
+    let middle = points().map(|point| point.place).sum::<Vector3<f64>>() / count;
+    let extent = points().map(|point| point.extent).sum::<f64>() / count;
+    let spread: Matrix3<f64> =
+        points().map(|point| (point.place - middle) * (point.place - middle).transpose() / count).sum();
+    symmetric_eigen3(&spread).is_none_or(|(values, _)| values[1].max(0.0).sqrt() < NO_SPREAD * extent)
 }
 
 /// Bodies that both cameras may see: at each instant as many as the camera with fewer boxes has.

@@ -9,6 +9,7 @@
 mod adjust;
 mod alternatives;
 mod assemble;
+mod contradictions;
 mod kabsch;
 mod outcome;
 mod pairs;
@@ -131,6 +132,43 @@ impl CameraStatus {
     }
 }
 
+/// What speaks against a camera whose boxes those of the others contradict.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Contradiction {
+    /// At its instants the other cameras see other bodies, or no pose explains its boxes: another place, wrong ids or instants.
+    OtherBodies,
+    /// Its edges are off by so many times as much as those of the others.
+    Noise(f64),
+    /// Its boxes agree better with a focal length that is longer by about this factor: a wrong focal length, or images of another size.
+    FocalLength(f64),
+    /// It would be below the floor, upside down: its images are mirrored.
+    Mirrored,
+    /// A given pose contradicts the boxes, so that its world is not known.
+    GivenPoses,
+}
+
+impl Contradiction {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::OtherBodies => "other_bodies",
+            Self::Noise(_) => "noise",
+            Self::FocalLength(_) => "focal_length",
+            Self::Mirrored => "mirrored",
+            Self::GivenPoses => "given_poses",
+        }
+    }
+
+    /// Its factor, if it has one.
+    pub fn value(self) -> Option<f64> {
+        match self {
+            Self::Noise(value) | Self::FocalLength(value) => Some(value),
+            _ => None,
+        }
+    }
+}
+
 /// A camera of the rig, calibrated or not.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CalibratedCamera {
@@ -141,10 +179,14 @@ pub struct CalibratedCamera {
     /// Covariance of its errors relative to the reference camera or the given ones, in the frame of the camera: rotation vector
     /// (radians) and position (world units), at the scale of the answer, which has a standard deviation of its own. None of the reference and of given cameras.
     pub covariance: Option<Matrix6<f64>>,
-    /// Bodies at instants that it shares with other calibrated cameras.
+    /// Number of instants at which it shares bodies with other calibrated cameras.
     pub instants: usize,
     /// Root mean square distance of measured and predicted edges, pixels.
     pub residual_px: Option<f64>,
+    /// Standard deviation of its edges, relative to the mean half size of their boxes.
+    pub edge_sd: Option<f64>,
+    /// What speaks against it, with [`CameraStatus::Inconsistent`]; of a given camera, why its pose cannot be right.
+    pub contradiction: Option<Contradiction>,
 }
 
 impl CalibratedCamera {
@@ -206,6 +248,13 @@ pub struct Calibration {
     pub vertical: Option<Vertical>,
     /// Standard deviation of the edges of boxes as it was estimated, relative to their mean half size.
     pub edge_sd: Option<f64>,
+}
+
+impl Calibration {
+    /// Whether no camera contradicts the others.
+    pub fn is_consistent(&self) -> bool {
+        self.cameras.iter().all(|camera| camera.contradiction.is_none())
+    }
 }
 
 /// Finds the poses of the cameras of a rig. The same input gives the same answer.

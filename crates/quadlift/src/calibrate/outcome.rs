@@ -1,16 +1,17 @@
 //! The answer: statuses, covariances, and the world in which it is given.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Matrix6, Unit, Vector3};
 
 use super::adjust::{Layout, Uncertainty, uncertainty};
 use super::assemble::{FEWEST_SHARED, Pair, Tree};
+use super::contradictions::edge_sd;
 use super::predicted::Predicted;
 use super::prepared::Prepared;
 use super::problem::Unknown;
 use super::solve::{ARBITRARY_SD, Solution, block};
-use super::{CalibratedCamera, Calibration, CameraStatus, Rig, RigScale, Vertical};
+use super::{CalibratedCamera, Calibration, CameraStatus, Contradiction, Rig, RigScale, Vertical};
 use crate::geometry::rigid::Pose;
 
 /// A vertical with a smaller standard deviation (radians) turns the world.
@@ -24,13 +25,20 @@ const MOST_POSITION_SD: f64 = 0.1;
 const MOST_OFF: f64 = 0.3;
 
 /// Nothing is calibrated but what was given.
-pub(super) fn nothing(rig: &Rig, pairs: &[Pair]) -> Calibration {
-    let camera = |(index, camera): (usize, &super::RigCamera)| CalibratedCamera {
-        status: if camera.cam_from_world.is_some() { CameraStatus::Given } else { unconnected(pairs, index) },
-        cam_from_world: camera.cam_from_world,
-        covariance: None,
-        instants: 0,
-        residual_px: None,
+pub(super) fn nothing(rig: &Rig, pairs: &[Pair], contradictions: &[Option<Contradiction>]) -> Calibration {
+    let camera = |(index, camera): (usize, &super::RigCamera)| {
+        let status = if camera.cam_from_world.is_some() { CameraStatus::Given } else { unconnected(pairs, index) };
+        let cam_from_world = camera.cam_from_world;
+        let unknown = CalibratedCamera {
+            status,
+            cam_from_world,
+            covariance: None,
+            instants: 0,
+            residual_px: None,
+            edge_sd: None,
+            contradiction: None,
+        };
+        with_contradiction(unknown, contradictions[index])
     };
     Calibration {
         cameras: rig.cameras.iter().enumerate().map(camera).collect(),
@@ -42,17 +50,30 @@ pub(super) fn nothing(rig: &Rig, pairs: &[Pair]) -> Calibration {
     }
 }
 
-/// Why a camera hangs together with no other one.
+/// Why a camera hangs together with no other one: as the one with which it shares most.
 fn unconnected(pairs: &[Pair], camera: usize) -> CameraStatus {
-    let of_camera = pairs.iter().filter(|pair| pair.cameras.contains(&camera));
-    let shared = of_camera.map(|pair| pair.shared).max().unwrap_or(0);
-    if shared < 2 * FEWEST_SHARED { CameraStatus::NotConnected } else { CameraStatus::Inconsistent }
+    let of_camera = pairs.iter().filter(|pair| pair.poses.is_empty() && pair.cameras.contains(&camera));
+    of_camera.max_by_key(|pair| pair.shared).map_or(CameraStatus::NotConnected, |pair| pair.status)
+}
+
+/// A camera with what speaks against it: then it is inconsistent, unless its pose was given.
+fn with_contradiction(camera: CalibratedCamera, known: Option<Contradiction>) -> CalibratedCamera {
+    let contradiction = match (known, camera.status) {
+        (None, CameraStatus::Inconsistent) => Some(Contradiction::OtherBodies),
+        _ => known,
+    };
+    let status = match camera.status {
+        CameraStatus::Given => CameraStatus::Given,
+        _ if contradiction.is_some() => CameraStatus::Inconsistent,
+        other => other,
+    };
+    CalibratedCamera { status, contradiction, ..camera }
 }
 
 /// Sums over the boxes of a camera.
 #[derive(Debug, Clone, Default)]
 struct Seen {
-    instants: usize,
+    instants: BTreeSet<usize>,
     squares: f64,
     edges: usize,
     /// By how much edges are off, in half sizes.
@@ -60,7 +81,7 @@ struct Seen {
     depths: Vec<f64>,
 }
 
-fn seen(solution: &Solution) -> Vec<Seen> {
+fn seen(prepared: &Prepared, solution: &Solution) -> Vec<Seen> {
     let Solution { problem, state, .. } = solution;
     let mut all = vec![Seen::default(); state.poses.len()];
     for (site, place) in problem.sites.iter().zip(&state.places) {
@@ -68,7 +89,7 @@ fn seen(solution: &Solution) -> Vec<Seen> {
             let of_camera = &mut all[observation.camera];
             let pose = &state.poses[observation.camera];
             let Some(predicted) = Predicted::new(pose, place, &state.up, state.shapes[site.shape]) else { continue };
-            of_camera.instants += 1;
+            of_camera.instants.insert(prepared.boxes[observation.box_index].taken_at);
             of_camera.depths.push(predicted.depth());
             for edge in (0..4).filter(|&edge| !observation.measured.cut_off[edge]) {
                 let off = predicted.edges[edge] - observation.measured.edges[edge];
@@ -81,7 +102,7 @@ fn seen(solution: &Solution) -> Vec<Seen> {
     all
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
+pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
@@ -137,7 +158,7 @@ fn largest(covariance: &Matrix6<f64>, first: usize) -> f64 {
 
 /// By how much variances grow because the errors of a body's boxes in a camera last longer than an instant: the variance of means of
 /// consecutive residuals, over that of independent ones.
-fn memory(solution: &Solution, found: &Uncertainty) -> f64 {
+pub(super) fn memory(solution: &Solution, found: &Uncertainty) -> f64 {
     let mut series: BTreeMap<(usize, usize, (usize, usize)), Vec<f64>> = BTreeMap::new();
     for (site, rows) in solution.problem.sites.iter().zip(&found.rows) {
         for (row, weight, _) in rows {
@@ -180,6 +201,7 @@ pub(super) fn calibration(
     tree: &Tree,
     solution: &Solution,
     ambiguous: &[bool],
+    contradictions: &[Option<Contradiction>],
 ) -> Calibration {
     let rig = prepared.rig;
     let Solution { problem, state, .. } = solution;
@@ -198,7 +220,7 @@ pub(super) fn calibration(
         _ => uncertainty(problem, state),
     };
     let inflation = found.as_ref().map_or(1.0, |found| memory(solution, found));
-    let seen = seen(solution);
+    let seen = seen(prepared, solution);
     let layout = Layout::new(problem);
     let upwards = upwards(solution);
     let up_sd = found
@@ -220,9 +242,11 @@ pub(super) fn calibration(
             status: CameraStatus::Ok,
             cam_from_world: None,
             covariance: None,
-            instants: of_camera_seen.instants,
+            instants: of_camera_seen.instants.len(),
             residual_px: (of_camera_seen.edges > 0)
                 .then(|| (of_camera_seen.squares / of_camera_seen.edges as f64).sqrt()),
+            edge_sd: solution.placed[index].then(|| edge_sd(problem, index)).flatten(),
+            contradiction: None,
         };
         if let Some(given) = rig.cameras[index].cam_from_world {
             answer.status = CameraStatus::Given;
@@ -254,7 +278,8 @@ pub(super) fn calibration(
         }
         answer
     };
-    let mut cameras: Vec<CalibratedCamera> = (0..rig.cameras.len()).map(camera).collect();
+    let mut cameras: Vec<CalibratedCamera> =
+        (0..rig.cameras.len()).map(|index| with_contradiction(camera(index), contradictions[index])).collect();
     // A reference alone says nothing.
     if let Some(reference) = tree.reference
         && !given
@@ -262,7 +287,8 @@ pub(super) fn calibration(
     {
         let others = cameras.iter().enumerate().filter(|(k, _)| *k != reference && solution.placed[*k]);
         let status = others.map(|(_, camera)| camera.status).next().unwrap_or(CameraStatus::NotConnected);
-        cameras[reference] = CalibratedCamera { status, cam_from_world: None, ..cameras[reference].clone() };
+        let alone = CalibratedCamera { status, cam_from_world: None, ..cameras[reference].clone() };
+        cameras[reference] = with_contradiction(alone, None);
     }
     let edge_sd = problem.sites.first().map(|site| problem.levels[problem.shapes[site.shape].category].0[0]);
     Calibration { cameras, reference: tree.reference, scale: solution.scale, scale_sd, vertical, edge_sd }

@@ -32,6 +32,8 @@ pub(super) struct PreparedBox {
     pub category: usize,
     /// Instant; bodies that stand still have one alone.
     pub instant: Option<usize>,
+    /// The instant, of bodies that stand still, too.
+    pub taken_at: usize,
     pub measured: MeasuredBox,
     /// Where the body is by the size of its box; not where the image cuts it off.
     pub point: Option<SizedPoint>,
@@ -106,7 +108,8 @@ impl<'a> Prepared<'a> {
             let still = categories[category].still && given.object.is_some();
             let point = measured.is_whole().then(|| sized_point(&measured, &shapes[category])).flatten();
             let instant = (!still).then_some(given.instant);
-            Some(PreparedBox { camera: given.camera, thing, category, instant, measured, point })
+            let taken_at = given.instant;
+            Some(PreparedBox { camera: given.camera, thing, category, instant, taken_at, measured, point })
         };
         let mut boxes: Vec<PreparedBox> = rig.boxes.iter().filter_map(prepare).collect();
         // The order of the input does not matter.
@@ -119,36 +122,42 @@ impl<'a> Prepared<'a> {
     }
 
     /// Pairs of boxes of two cameras that may show the same body, ordered by instants; bodies that stand still have instants of their own.
-    pub(super) fn candidates(&self, first: usize, second: usize) -> Vec<Candidate> {
+    /// With a `shift` the boxes of the second camera are those of that many instants later, so that they agree by chance alone.
+    pub(super) fn candidates(&self, first: usize, second: usize, shift: usize) -> Vec<Candidate> {
+        let key = |b: &PreparedBox| (b.instant, b.instant.is_none().then_some(b.thing));
+        let instants: Vec<&[PreparedBox]> = self.boxes.chunk_by(|a, b| key(a) == key(b)).collect();
+        let firsts: Vec<usize> =
+            instants.iter().scan(0, |sum, group| Some(std::mem::replace(sum, *sum + group.len()))).collect();
+        let of_camera = |number: usize, camera: usize| {
+            let group = instants[number].iter().enumerate().filter(move |(_, b)| b.camera == camera);
+            let first = firsts[number];
+            group.filter_map(move |(k, b)| Some((first + k, b, b.point?)))
+        };
         let mut all = Vec::new();
-        let mut start = 0;
-        let mut number = 0;
-        while start < self.boxes.len() {
-            let key = |b: &PreparedBox| (b.instant, b.instant.is_none().then_some(b.thing));
-            let of_start = key(&self.boxes[start]);
-            let end = start + self.boxes[start..].iter().take_while(|b| key(b) == of_start).count();
-            let of_camera = |camera: usize| {
-                let group = (start..end).filter(move |&k| self.boxes[k].camera == camera);
-                group.filter_map(|k| Some((k, self.boxes[k].point?)))
-            };
-            for (a, of_a) in of_camera(first) {
-                for (b, of_b) in of_camera(second) {
-                    if self.boxes[a].thing == self.boxes[b].thing {
-                        all.push(Candidate { instant: number, boxes: [a, b], points: [of_a, of_b] });
-                        if of_start.0.is_none() {
+        for number in 0..instants.len() {
+            let is_still = instants[number].first().is_some_and(|b| b.instant.is_none());
+            for (a, of_a, point_a) in of_camera(number, first) {
+                for (b, of_b, point_b) in of_camera((number + shift) % instants.len(), second) {
+                    if of_a.thing == of_b.thing {
+                        all.push(Candidate { instant: number, boxes: [a, b], points: [point_a, point_b] });
+                        if is_still {
                             break;
                         }
                     }
                 }
                 // Of a body that stands still one box of each camera says where it is.
-                if of_start.0.is_none() {
+                if is_still {
                     break;
                 }
             }
-            number += 1;
-            start = end;
         }
         all
+    }
+
+    /// Number of instants; each body that stands still counts as one.
+    pub(super) fn instants(&self) -> usize {
+        let key = |b: &PreparedBox| (b.instant, b.instant.is_none().then_some(b.thing));
+        self.boxes.chunk_by(|a, b| key(a) == key(b)).count()
     }
 }
 

@@ -49,6 +49,12 @@ impl MeasuredBox {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Levels(pub [f64; 2]);
 
+impl Levels {
+    fn times(self, factor: f64) -> Self {
+        Self(self.0.map(|level| level * factor))
+    }
+}
+
 /// A residual of a box: a combination of its edges.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BoxRow {
@@ -140,6 +146,8 @@ pub(super) struct Problem {
     pub sites: Vec<Site>,
     /// By category.
     pub levels: Vec<Levels>,
+    /// By camera: its noise over that of all cameras.
+    pub noise_ratios: Vec<f64>,
     /// Standard deviation of the heights at which an object walks, relative to its half height.
     pub step_level: f64,
     pub distances: Vec<DistanceRow>,
@@ -167,6 +175,8 @@ pub(super) struct Row {
     pub shared: [f64; SHARED],
     pub place: Vector3<f64>,
     pub camera: Option<usize>,
+    /// Derivative by the logarithm of the focal length.
+    pub by_focal: f64,
     /// Category and level, for the noise.
     pub level: Option<(usize, usize)>,
 }
@@ -181,7 +191,8 @@ impl Problem {
         for Observation { camera, measured, .. } in observations {
             let predicted = Predicted::new(&state.poses[*camera], place, &state.up, shape)?;
             let slopes: [_; 4] = std::array::from_fn(|edge| predicted.slope(edge));
-            for row in box_rows(measured, self.levels[prior.category], &predicted.edges) {
+            let levels = self.levels[prior.category].times(self.noise_ratios[*camera]);
+            for row in box_rows(measured, levels, &predicted.edges) {
                 let mut shared = [0.0; SHARED];
                 let mut by_place = Vector3::zeros();
                 for (slope, factor) in slopes.iter().zip(row.of_edges) {
@@ -204,7 +215,15 @@ impl Problem {
                     by_place += slope.center * factor;
                 }
                 let level = row.level.map(|level| (prior.category, level));
-                rows.push(Row { residual: row.residual, shared, place: by_place, camera: Some(*camera), level });
+                let by_focal = row.of_edges.iter().zip(&measured.edges).map(|(factor, edge)| factor * edge).sum();
+                rows.push(Row {
+                    residual: row.residual,
+                    shared,
+                    place: by_place,
+                    camera: Some(*camera),
+                    by_focal,
+                    level,
+                });
             }
         }
         if walks {
@@ -216,7 +235,7 @@ impl Problem {
             }
             shared[9] = -residual;
             shared[10] = -scale;
-            rows.push(Row { residual, shared, place: state.up * scale, camera: None, level: None });
+            rows.push(Row { residual, shared, place: state.up * scale, camera: None, by_focal: 0.0, level: None });
         }
         Some(rows)
     }

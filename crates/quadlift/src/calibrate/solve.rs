@@ -6,13 +6,14 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use super::adjust::{Adjusted, Uncertainty, adjust, uncertainty};
 use super::alternatives::alternatives;
-use super::assemble::{Bodies, Group, Tree, groups, pairs, place, tree};
+use super::assemble::{Bodies, Group, Pair, Tree, groups, pairs, place, tree};
+use super::contradictions::contradictions;
 use super::outcome;
 use super::pairs::DEPTH_SD;
 use super::predicted::Shape;
 use super::prepared::{Prepared, Thing};
 use super::problem::{DistanceRow, Levels, Observation, Problem, ShapePrior, Site, State};
-use super::{CalibrateOptions, Calibration, Rig, RigScale};
+use super::{CalibrateOptions, Calibration, CameraStatus, Contradiction, Rig, RigScale};
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::rigid::Pose;
 
@@ -73,22 +74,51 @@ pub(super) struct Solution {
 
 pub(super) fn calibrate(rig: &Rig, options: &CalibrateOptions) -> Calibration {
     let prepared = Prepared::new(rig);
-    let pairs = pairs(&prepared, options.seed);
-    let tree = tree(&prepared, &pairs);
-    let Some(mut solution) = solution(&prepared, &tree, &tree.poses, options) else {
-        return outcome::nothing(rig, &pairs);
-    };
-    refine(&prepared, &mut solution);
-    let mut found = alternatives(&prepared, &pairs, &tree, &solution);
+    let mut pairs = pairs(&prepared, options.seed);
+    let mut known: Vec<Option<Contradiction>> = vec![None; rig.cameras.len()];
+    loop {
+        let tree = tree(&prepared, &pairs);
+        let Some((solution, ambiguous)) = solved(&prepared, &pairs, &tree, options) else {
+            return outcome::nothing(rig, &pairs, &known);
+        };
+        let answer = outcome::calibration(&prepared, &pairs, &tree, &solution, &ambiguous, &known);
+        let found = contradictions(&solution, &answer.cameras);
+        if found.is_empty() {
+            return answer;
+        }
+        found.iter().for_each(|&(camera, contradiction)| known[camera] = Some(contradiction));
+        if found.iter().any(|&(camera, _)| rig.cameras[camera].cam_from_world.is_some()) {
+            let sought = (0..rig.cameras.len()).filter(|&camera| solution.problem.free[camera]);
+            sought.for_each(|camera| known[camera] = known[camera].or(Some(Contradiction::GivenPoses)));
+            return outcome::nothing(rig, &pairs, &known);
+        }
+        // The others may be right without it.
+        for pair in pairs.iter_mut().filter(|pair| pair.cameras.iter().any(|&camera| known[camera].is_some())) {
+            pair.poses.clear();
+            pair.status = CameraStatus::Inconsistent;
+        }
+    }
+}
+
+/// The best solution of cameras that hang together, and which of them have another one that is about as good.
+fn solved(
+    prepared: &Prepared,
+    pairs: &[Pair],
+    tree: &Tree,
+    options: &CalibrateOptions,
+) -> Option<(Solution, Vec<bool>)> {
+    let mut solution = solution(prepared, tree, &tree.poses, options)?;
+    refine(prepared, &mut solution);
+    let mut found = alternatives(prepared, pairs, tree, &solution);
     for _ in 0..MOST_BETTER {
         let Some((poses, up)) = found.better.take() else { break };
         let mut next = solution.clone();
-        next.restart(&prepared, poses, up);
-        refine(&prepared, &mut next);
+        next.restart(prepared, poses, up);
+        refine(prepared, &mut next);
         solution = next;
-        found = alternatives(&prepared, &pairs, &tree, &solution);
+        found = alternatives(prepared, pairs, tree, &solution);
     }
-    outcome::calibration(&prepared, &pairs, &tree, &solution, &found.ambiguous)
+    Some((solution, found.ambiguous))
 }
 
 /// The final adjustment: noise levels and unknowns in turn; boxes without ids are grouped again.
@@ -242,6 +272,7 @@ fn problem(
         shapes,
         sites,
         levels: (0..prepared.categories.len()).map(levels).collect(),
+        noise_ratios: vec![1.0; rig.cameras.len()],
         step_level: FIRST_STEP_LEVEL,
         distances,
     };
@@ -342,7 +373,12 @@ fn regroup(prepared: &Prepared, solution: &mut Solution) {
 fn update_levels(prepared: &Prepared, problem: &mut Problem, of_round: &Uncertainty) {
     let mut sums: BTreeMap<(usize, usize), (f64, f64)> = BTreeMap::new();
     let mut steps = (0.0, 0.0);
+    let mut of_cameras = vec![(0.0, 0.0); problem.noise_ratios.len()];
     for (row, weight, leverage) in of_round.rows.iter().flatten() {
+        if let (Some(_), Some(camera)) = (row.level, row.camera) {
+            of_cameras[camera].0 += weight * row.residual * row.residual / GAUSSIAN;
+            of_cameras[camera].1 += (1.0 - leverage).max(0.0);
+        }
         let sum = match (row.level, row.camera) {
             (Some(level), _) => sums.entry(level).or_default(),
             (None, None) => &mut steps,
@@ -359,6 +395,10 @@ fn update_levels(prepared: &Prepared, problem: &mut Problem, of_round: &Uncertai
     for ((category, level), sum) in sums {
         let of_category = &mut problem.levels[category].0[level];
         *of_category = better(*of_category, first(category)[level], sum).clamp(LEAST_LEVEL, MOST_LEVEL);
+    }
+    let all = of_cameras.iter().fold((0.0, 0.0), |sum, other| (sum.0 + other.0, sum.1 + other.1));
+    for (ratio, (squares, free)) in problem.noise_ratios.iter_mut().zip(of_cameras) {
+        *ratio *= ((squares * all.1 / all.0 + PRIOR_RESIDUALS) / (free + PRIOR_RESIDUALS)).sqrt();
     }
     problem.step_level = better(problem.step_level, USUAL_STEP_LEVEL, steps).clamp(LEAST_STEP_LEVEL, MOST_STEP_LEVEL);
 }

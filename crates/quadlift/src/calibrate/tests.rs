@@ -73,6 +73,7 @@ fn covariances_are_those_of_the_errors() {
         let found = calibrate(&hall.rig(Some(PERSON)), &known_distance(&hall));
         for camera in 1..4 {
             assert_eq!(found.cameras[camera].status, CameraStatus::Ok, "{seed} {found:?}");
+            assert!(found.is_consistent());
             let (error, covariance) = (error(&hall, &found, camera), found.cameras[camera].covariance.unwrap());
             sum += error.dot(&covariance.cholesky().unwrap().solve(&error));
             count += 1.0;
@@ -165,6 +166,7 @@ fn people_on_a_line_or_in_one_place_are_refused_and_so_are_few_instants() {
             }
             if options.path == WalkPath::Spot || options.instants == 4 || options.walkers == 0 {
                 assert!(found.cameras.iter().all(|camera| !camera.status.has_pose()), "{options:?}");
+                assert!(found.is_consistent(), "{options:?} {found:?}");
             }
         }
     }
@@ -203,6 +205,96 @@ fn a_camera_whose_boxes_are_of_other_instants_is_inconsistent_and_one_that_sees_
     assert_eq!(statuses[..2], [CameraStatus::Ok; 2]);
     assert!(matches!(statuses[2], CameraStatus::Inconsistent | CameraStatus::Undetermined), "{statuses:?}");
     assert_eq!(statuses[3], CameraStatus::NotConnected);
+}
+
+/// A hall of which something is wrong with camera 1, by its name.
+fn with_mistake(mistake: &str, seed: u64) -> Rig {
+    let noise =
+        HallOptions { edge_sd: 0.03, misses: 0.1, instants: 60, walkers: 1 + seed as usize % 2, ..Default::default() };
+    let mut rig = hall(HallOptions { seed, ..noise }).rig(None);
+    let others = hall(HallOptions { seed: seed + 100, ..noise }).rig(None).boxes;
+    let mut replace = |cameras: &[usize]| {
+        rig.boxes.retain(|b| !cameras.contains(&b.camera));
+        rig.boxes.extend(others.iter().filter(|b| cameras.contains(&b.camera)).cloned());
+    };
+    match mistake {
+        "two halls" => replace(&[2, 3]),
+        "foreign" => replace(&[1]),
+        _ => {}
+    }
+    let k = rig.cameras[1].intrinsics;
+    let edges = |[left, top, right, bottom]: [f64; 4]| match mistake {
+        "half size" => [left, top, right, bottom].map(|x| 0.5 * x),
+        "mirrored" => [1280.0 - right, top, 1280.0 - left, bottom],
+        _ => [left, top, right, bottom],
+    };
+    for b in rig.boxes.iter_mut().filter(|b| b.camera == 1) {
+        b.bounding_box = BoundingBox::new(edges(b.bounding_box.edges())).unwrap();
+    }
+    if mistake == "focal length" {
+        rig.cameras[1].intrinsics = Intrinsics::new(1.6 * k.fx, 1.6 * k.fy, k.cx, k.cy).unwrap();
+    }
+    rig
+}
+
+#[test]
+fn a_camera_that_the_others_contradict_is_named_and_has_no_pose() {
+    for seed in 0..2 {
+        for mistake in ["foreign", "half size", "mirrored", "focal length", "two halls"] {
+            let found = calibrate(&with_mistake(mistake, seed), &CalibrateOptions::default());
+            assert!(!found.is_consistent(), "{mistake} {seed}");
+            let named: Vec<usize> = (0..4).filter(|&k| found.cameras[k].contradiction.is_some()).collect();
+            if mistake == "two halls" {
+                // Either hall may be the one that is calibrated.
+                assert!(named == [2, 3] || named == [0, 1], "{seed} {named:?}");
+            } else {
+                assert_eq!(named, [1], "{mistake} {seed} {found:?}");
+            }
+            for (camera, of_camera) in found.cameras.iter().enumerate() {
+                let expected = if named.contains(&camera) { CameraStatus::Inconsistent } else { CameraStatus::Ok };
+                assert_eq!(of_camera.status, expected, "{mistake} {seed} {camera}");
+                assert_eq!(of_camera.cam_from_world.is_some(), expected == CameraStatus::Ok);
+            }
+            match (mistake, found.cameras[1].contradiction) {
+                // People of two heights are in two planes, which cannot both be mirrored.
+                ("mirrored", cause) if seed == 0 => assert_eq!(cause, Some(Contradiction::Mirrored)),
+                ("focal length", Some(Contradiction::FocalLength(factor))) => assert!(factor < 0.8, "{factor}"),
+                _ => {}
+            }
+        }
+    }
+}
+
+/// Boxes of two cameras alone do not say which one is wrong.
+#[test]
+fn of_two_cameras_that_contradict_each_other_none_has_a_pose() {
+    for mistake in ["foreign", "half size", "mirrored"] {
+        let mut rig = with_mistake(mistake, 1);
+        rig.cameras.truncate(2);
+        let found = calibrate(&rig, &CalibrateOptions::default());
+        assert!(found.cameras.iter().all(|camera| camera.status == CameraStatus::Inconsistent), "{mistake} {found:?}");
+    }
+}
+
+#[test]
+fn a_given_pose_that_contradicts_the_boxes_leaves_the_others_without_a_pose() {
+    let hall = hall(HallOptions { edge_sd: 0.02, walkers: 2, seed: 6, instants: 60, ..Default::default() });
+    let mut rig = hall.rig(None);
+    for camera in [0, 1, 2] {
+        rig.cameras[camera].cam_from_world = Some(hall.cameras[camera]);
+    }
+    assert!(calibrate(&rig, &CalibrateOptions::default()).is_consistent());
+    rig.cameras[1].cam_from_world = Some(hall.cameras[3]);
+    let found = calibrate(&rig, &CalibrateOptions::default());
+    assert!(!found.is_consistent() && found.cameras[3].status == CameraStatus::Inconsistent, "{found:?}");
+    assert_eq!(found.cameras[1].status, CameraStatus::Given);
+}
+
+#[test]
+fn several_bodies_at_an_instant_are_one_instant() {
+    let hall = hall(HallOptions { edge_sd: 0.02, walkers: 2, instants: 40, seed: 3, ..Default::default() });
+    let found = calibrate(&hall.rig(None), &CalibrateOptions::default());
+    assert!(found.cameras.iter().all(|camera| (20..=40).contains(&camera.instants)), "{found:?}");
 }
 
 #[test]
