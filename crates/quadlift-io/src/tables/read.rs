@@ -55,7 +55,7 @@ pub fn read_tables(folder: &Path) -> Result<Import, ReadError> {
         let names = unknown.into_iter().collect::<Vec<_>>().join(", ");
         notes.push(format!("unknown columns were ignored: {names}"));
     }
-    Import { scene, notes, ..Import::default() }.checked(folder)
+    Import { scene, notes, is_scene: true, ..Import::default() }.checked(folder)
 }
 
 /// A row of the table of views.

@@ -105,7 +105,7 @@ pub fn map_of_stream(log: &[u8], folder: &Path) -> String {
 
 /// The map of a log, frame by frame.
 fn stream_of(log: &[u8]) -> StreamState {
-    let file = parse_mcap("log.mcap".as_ref(), log.to_vec(), McapOptions::default()).unwrap().import.scene;
+    let file = parse_mcap("log.mcap".as_ref(), log.to_vec(), McapOptions::default()).unwrap().scene;
     let scene = file.to_scene().unwrap();
     let (about, frames) = scene_to_frames(file, &scene, None);
     let map = ObjectMap::new(options(&[]).map).unwrap();
