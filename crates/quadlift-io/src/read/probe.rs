@@ -2,8 +2,6 @@
 
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use serde::de::IgnoredAny;
@@ -65,10 +63,12 @@ impl Probe {
     }
 
     /// Whether the file begins with these bytes.
+    #[cfg(feature = "mcap")]
     pub(crate) fn begins_with(&self, bytes: &[u8]) -> bool {
+        use std::io::Read as _;
         let mut start = Vec::new();
-        let read = |file: File| file.take(bytes.len() as u64).read_to_end(&mut start);
-        self.path.is_file() && File::open(&self.path).and_then(read).is_ok() && start == bytes
+        let read = |file: std::fs::File| file.take(bytes.len() as u64).read_to_end(&mut start);
+        self.path.is_file() && std::fs::File::open(&self.path).and_then(read).is_ok() && start == bytes
     }
 
     /// The text of the file; empty for a folder.

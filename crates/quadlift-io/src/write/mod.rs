@@ -44,7 +44,7 @@ pub use format::{ExportFormat, Writer};
 pub use options::{WRITE, WriteOptions};
 pub(crate) use units::metres_of;
 
-/// The formats of objects and cameras that are written. Tables and recordings are written by [`crate::tables`] and the crate
+/// The formats of objects and cameras that are written. Tables and recordings are written by `tables` (feature `parquet`) and the crate
 /// quadlift-report.
 pub const EXPORTS: &[ExportFormat] = &[
     ply::FORMAT,
