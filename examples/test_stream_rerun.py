@@ -74,7 +74,11 @@ class Server:
     def end(self, signal=9):
         if self.process.poll() is None:
             os.killpg(self.process.pid, signal)
-            self.process.wait()
+            try:
+                self.process.wait(timeout=60)
+            except subprocess.TimeoutExpired:
+                os.killpg(self.process.pid, 9)
+                self.process.wait()
 
 
 class StreamRerun(unittest.TestCase):
