@@ -56,3 +56,22 @@ impl MapContext<'_> {
         self.corrects_poses() || *learn_sizes || (on_ground && self.up.is_some())
     }
 }
+
+#[cfg(test)]
+impl<'a> MapContext<'a> {
+    /// That of tests: no cues, no direction against gravity, exact poses.
+    pub(super) fn of_test(scene: &'a crate::scene::Scene, options: &'a MapOptions, watch: &'a Watch<'a>) -> Self {
+        Self {
+            has_cues: false,
+            categories: &scene.categories,
+            up: None,
+            cameras: Vec::new(),
+            pose_unknowns: Arc::default(),
+            pose_points: PosePoints::default(),
+            seed: 0,
+            enclosing_quantile: 0.85,
+            options,
+            watch,
+        }
+    }
+}

@@ -20,7 +20,6 @@ use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::shared::SharedErrors;
 use crate::solve::map::shared::cue_scales::CueScales;
 use crate::solve::map::shared::ground::GroundPlane;
-use crate::solve::map::shared::pose_points::PosePoints;
 use crate::solve::map::shared::pose_prior::PosePrior;
 use crate::solve::map::shared::pose_terms::SceneTerms;
 use crate::solve::map::shared::poses::PoseCorrections;
@@ -39,18 +38,8 @@ fn ball_on_ground(up: Option<Unit<Vector3<f64>>>, test: impl Fn(&Fit, &NoiseLeve
     let detections: Vec<u32> = (0..5).collect();
     let views: ObjectViews = scene.object_views(0, &detections);
     let options = MapOptions { body: Some(BodyKind::Ellipsoid), ground_plane: true, ..Default::default() };
-    let context = MapContext {
-        has_cues: false,
-        categories: &scene.categories,
-        up,
-        cameras: Vec::new(),
-        pose_unknowns: Arc::default(),
-        pose_points: PosePoints::default(),
-        seed: 0,
-        enclosing_quantile: 0.85,
-        options: &options,
-        watch: &Watch::new(&Unobserved, 1),
-    };
+    let watch = Watch::new(&Unobserved, 1);
+    let context = MapContext { up, ..MapContext::of_test(&scene, &options, &watch) };
     let problem = ObjectProblem::new(views, BodyKind::Ellipsoid, &context).unwrap();
     let body = EllipsoidModel::from_axes(Vector3::new(0.1, 0.05, -0.1), Matrix3::identity(), Vector3::repeat(0.9));
     let noise = NoiseLevels::new(67.0);

@@ -11,7 +11,6 @@ use crate::observer::{Unobserved, Watch};
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::shared::cue_scales::{CueScales, Ratios};
-use crate::solve::map::shared::pose_points::PosePoints;
 use crate::solve::options::{BodyKind, MapOptions};
 use crate::synthetic::{CueOptions, Observations, SyntheticOptions, generate, simulate_cues};
 use nalgebra::{Matrix3, Vector3};
@@ -23,18 +22,8 @@ fn fit_at(noise: &NoiseLevels) -> Fit {
     let cues = CueOptions { depth: Some(Default::default()), box3d: Some(Default::default()) };
     let scene = simulate_cues(&made.scene, |_, _| Some(made.truth[0].1), &cues, 3).unwrap();
     let options = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
-    let context = MapContext {
-        has_cues: true,
-        categories: &scene.categories,
-        up: None,
-        cameras: Vec::new(),
-        pose_unknowns: Arc::default(),
-        pose_points: PosePoints::default(),
-        seed: 0,
-        enclosing_quantile: 0.85,
-        options: &options,
-        watch: &Watch::new(&Unobserved, 1),
-    };
+    let watch = Watch::new(&Unobserved, 1);
+    let context = MapContext { has_cues: true, ..MapContext::of_test(&scene, &options, &watch) };
     let views = scene.object_views(0, &[0, 1, 2, 3]);
     let problem = ObjectProblem::new(views, BodyKind::Ellipsoid, &context).unwrap();
     let axes = Vector3::new(1.1, 0.9, 0.8);

@@ -1,11 +1,8 @@
 //! Scenes for the tests of this folder.
 
-use std::sync::Arc;
-
 use crate::observer::{Unobserved, Watch};
 use crate::scene::{ObjectViews, Scene};
 use crate::solve::map::context::MapContext;
-use crate::solve::map::shared::pose_points::PosePoints;
 use crate::solve::options::MapOptions;
 use crate::synthetic::{Noise, Observations, SyntheticOptions, generate};
 
@@ -21,18 +18,8 @@ pub(super) fn with_scene(
     options: &MapOptions,
     test: impl FnOnce(&(dyn Fn(usize) -> ObjectViews + Sync), &MapContext),
 ) {
-    let context = MapContext {
-        has_cues: false,
-        categories: &scene.categories,
-        up: None,
-        cameras: Vec::new(),
-        pose_unknowns: Arc::default(),
-        pose_points: PosePoints::default(),
-        seed: 0,
-        enclosing_quantile: 0.85,
-        options,
-        watch: &Watch::new(&Unobserved, 1),
-    };
+    let watch = Watch::new(&Unobserved, 1);
+    let context = MapContext::of_test(scene, options, &watch);
     let views_of = |object: usize| {
         let of_object = |index: &u32| scene.detections[*index as usize].object_index == Some(object as u32);
         let detections: Vec<u32> = (0..scene.detections.len() as u32).filter(of_object).collect();
