@@ -65,12 +65,15 @@ pub(super) fn contradictions(solution: &Solution, answers: &[CalibratedCamera]) 
         let variance = sd * sd * inflation * (1.0 + 1.0 / (cameras.len().max(2) - 1) as f64);
         (log - of_others(camera), variance.sqrt())
     };
+    let (sds, least) = match cameras.len() {
+        0..=2 => (FOCAL_SDS_OF_TWO, WRONG_LOG_FOCAL_OF_TWO),
+        _ => (FOCAL_SDS, WRONG_LOG_FOCAL),
+    };
     // By how much it is wrong at least.
     let excess = |camera: usize| {
         let (log, sd) = of_camera(camera);
-        log.abs() - if cameras.len() > 2 { FOCAL_SDS * sd } else { FOCAL_SDS_OF_TWO * sd }
+        log.abs() - sds * sd
     };
-    let least = if cameras.len() > 2 { WRONG_LOG_FOCAL } else { WRONG_LOG_FOCAL_OF_TWO };
     let wrong = cameras.iter().copied().filter(|&camera| answers[camera].status.has_pose() && excess(camera) > least);
     if let Some(camera) = wrong.max_by(|&a, &b| excess(a).total_cmp(&excess(b))) {
         return vec![(camera, Contradiction::FocalLength(of_camera(camera).0.exp()))];

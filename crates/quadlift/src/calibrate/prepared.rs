@@ -124,8 +124,7 @@ impl<'a> Prepared<'a> {
     /// Pairs of boxes of two cameras that may show the same body, ordered by instants; bodies that stand still have instants of their own.
     /// With a `shift` the boxes of the second camera are those of that many instants later, so that they agree by chance alone.
     pub(super) fn candidates(&self, first: usize, second: usize, shift: usize) -> Vec<Candidate> {
-        let key = |b: &PreparedBox| (b.instant, b.instant.is_none().then_some(b.thing));
-        let instants: Vec<&[PreparedBox]> = self.boxes.chunk_by(|a, b| key(a) == key(b)).collect();
+        let instants: Vec<&[PreparedBox]> = self.by_instant().collect();
         let firsts: Vec<usize> =
             instants.iter().scan(0, |sum, group| Some(std::mem::replace(sum, *sum + group.len()))).collect();
         let of_camera = |number: usize, camera: usize| {
@@ -156,8 +155,12 @@ impl<'a> Prepared<'a> {
 
     /// Number of instants; each body that stands still counts as one.
     pub(super) fn instants(&self) -> usize {
+        self.by_instant().count()
+    }
+
+    fn by_instant(&self) -> impl Iterator<Item = &[PreparedBox]> {
         let key = |b: &PreparedBox| (b.instant, b.instant.is_none().then_some(b.thing));
-        self.boxes.chunk_by(|a, b| key(a) == key(b)).count()
+        self.boxes.chunk_by(move |a, b| key(a) == key(b))
     }
 }
 
