@@ -76,10 +76,8 @@ impl Context {
 /// The EXIF orientation of pictures that still are turned by the second one after the first was undone; 1 if they are not.
 fn turned_twice(first: u8, second: u8) -> u8 {
     let unit = |orientation: u8| PixelMap::from_shown(orientation, [1.0, 1.0].into(), false);
-    let corners = [[0.0, 0.0], [1.0, 0.0]].map(|corner| unit(second).point(unit(first).point(corner.into())));
-    let same =
-        |orientation: &u8| [[0.0, 0.0], [1.0, 0.0]].map(|corner| unit(*orientation).point(corner.into())) == corners;
-    (2..=8).find(same).unwrap_or(1)
+    let both = unit(first).then(&unit(second));
+    (2..=8).find(|&orientation| unit(orientation) == both).unwrap_or(1)
 }
 
 /// The self-check in a result file. Misses are typical ones ([`quadlift::diagnosis::Agreement::miss`]).
@@ -196,12 +194,12 @@ impl CauseRecord {
                 | CauseName::Outlines
                 | CauseName::Depths
                 | CauseName::Boxes3d
-        );
-        if !says_it && self.frames.is_empty() {
+        ) || !self.frames.is_empty();
+        if !says_it {
             text.push_str(&format!(": {}", miss_in_words(self.before)));
-        }
-        if self.after < self.before && self.frames.is_empty() {
-            text.push_str(&format!(", {} after correction", percent(self.after)));
+            if self.after < self.before {
+                text.push_str(&format!(", {} after correction", percent(self.after)));
+            }
         }
         if let Some(option) = &self.option {
             text.push_str(&format!(" ({option})"));

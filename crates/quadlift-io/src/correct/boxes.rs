@@ -12,10 +12,7 @@ use crate::scene_file::{DetectionRecord, SceneFile};
 /// Corrects the boxes, turned boxes, ellipses, outlines and polygons of all detections; returns their number. Label images and RLE are not
 /// changed: they have their own size.
 pub(super) fn correct(file: &mut SceneFile, correction: &Correction) -> Result<usize, EntryError> {
-    let needs_size = matches!(
-        correction,
-        Correction::NormalizedBoxes | Correction::Letterbox(_) | Correction::TurnedPictures { .. }
-    );
+    let needs_size = correction.pixel_map(None).is_none();
     change(file, |record, size| {
         if needs_size && size.is_none() {
             return Err(UNKNOWN_SIZE);
@@ -42,11 +39,7 @@ pub(super) fn from_image_size(file: &mut SceneFile, measured: [f64; 2]) -> Resul
         let factor = size.component_div(&Vector2::from(measured));
         if factor != Vector2::repeat(1.0) {
             scaled += 1;
-            let map = PixelMap::scaling(factor, Vector2::zeros());
-            if let Some(edges) = &mut record.bounding_box {
-                *edges = map.edges(*edges);
-            }
-            map_shapes(record, &map);
+            map_pixels(record, &PixelMap::scaling(factor, Vector2::zeros()));
         }
         Ok(())
     })?;
@@ -63,11 +56,7 @@ pub(super) fn from_letterbox(file: &mut SceneFile, letterbox: [f64; 2]) -> Resul
         // The image was scaled by this, and moved by the margins.
         let gain = letterbox.component_div(&size).min();
         let shift = -0.5 * (letterbox / gain - size);
-        let map = PixelMap::scaling(Vector2::repeat(1.0 / gain), shift);
-        if let Some(edges) = &mut record.bounding_box {
-            *edges = map.edges(*edges);
-        }
-        map_shapes(record, &map);
+        map_pixels(record, &PixelMap::scaling(Vector2::repeat(1.0 / gain), shift));
         Ok(())
     })
 }
@@ -95,17 +84,22 @@ fn map(
     correction: &Correction,
     image_size: Option<Vector2<f64>>,
 ) -> Result<(), &'static str> {
-    if let Some(edges) = &mut record.bounding_box {
-        *edges = correction.edges(*edges, image_size).ok_or("the box cannot be corrected")?;
-    }
-    if let Some(map) = correction.pixel_map(image_size).filter(|map| *map != PixelMap::IDENTITY) {
-        map_shapes(record, &map);
+    match correction.pixel_map(image_size) {
+        Some(map) if map != PixelMap::IDENTITY => map_pixels(record, &map),
+        _ => {
+            if let Some(edges) = &mut record.bounding_box {
+                *edges = correction.edges(*edges, image_size).ok_or("the box cannot be corrected")?;
+            }
+        }
     }
     Ok(())
 }
 
-/// Maps the ellipse, the turned box and the points of masks and outlines.
-fn map_shapes(record: &mut DetectionRecord, map: &PixelMap) {
+/// Maps the box, the ellipse, the turned box and the points of masks and outlines.
+fn map_pixels(record: &mut DetectionRecord, map: &PixelMap) {
+    if let Some(edges) = &mut record.bounding_box {
+        *edges = map.edges(*edges);
+    }
     if let Some(ellipse) = &mut record.ellipse {
         // `to_scene` reports invalid ellipses.
         let given = Ellipse::new(ellipse.center.into(), ellipse.semi_axes.into(), ellipse.angle).ok();

@@ -42,6 +42,13 @@ pub struct Agreement {
     pub boxes: usize,
 }
 
+impl Default for Agreement {
+    /// Of no boxes, none of which misses.
+    fn default() -> Self {
+        Self { miss: 0.0, share: 1.0, boxes: 0 }
+    }
+}
+
 /// How much better a hypothesis explains the boxes of a sample.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Improvement {

@@ -364,7 +364,7 @@ impl Mistake {
             Correction::Boxes(BoxFormat::SizeReadAsCorners) => [x0, y0, w, h],
             Correction::Boxes(BoxFormat::CenterSizeReadAsCorners) => [x0 + 0.5 * w, y0 + 0.5 * h, w, h],
             Correction::Boxes(BoxFormat::CornersReadAsCenter) => {
-                [x0 - 0.5 * x1, y0 - 0.5 * y1, x0 + 0.5 * x1, y0 + 0.5 * y1]
+                return Correction::Boxes(BoxFormat::CenterSizeReadAsCorners).bounding_box(b, intrinsics, image_size);
             }
             Correction::Boxes(BoxFormat::CenterReadAsCorner) => {
                 return Correction::Boxes(BoxFormat::CornerReadAsCenter).bounding_box(b, intrinsics, image_size);

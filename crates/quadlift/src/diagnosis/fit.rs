@@ -1,6 +1,5 @@
 //! The estimates against the boxes: whether they explain them at all.
 
-use super::agreement::Agreement;
 use super::cause::{Cause, CauseName};
 use super::verdict::Diagnosis;
 
@@ -19,7 +18,7 @@ impl Diagnosis {
     /// Draws the conclusion from the noise of the edges that a fit needs, in half sizes of the boxes, and from the mean IoU of
     /// boxes that were predicted from other views. Does nothing if the scene is inconsistent anyway.
     pub(crate) fn check_fit(&mut self, edge_noise: Option<f64>, held_out_iou: Option<f64>) {
-        let agreement = self.agreement.unwrap_or(Agreement { miss: 0.0, share: 1.0, boxes: 0 });
+        let agreement = self.agreement.unwrap_or_default();
         let cause = |name, value| Cause { value: Some(value), ..Cause::unexplained(name, agreement) };
         if !self.consistent {
             return;

@@ -1,6 +1,6 @@
 //! Distances between the rays through the centres of an object's boxes, before and after a correction.
 
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 
 use super::agreement::{Agreement, Improvement};
 use super::correction::Correction;
@@ -128,6 +128,12 @@ pub(crate) fn misses(sample: &Sample, correction: Option<Correction>, given: Opt
         }
     }
     (!values.is_empty()).then(|| Misses::new(values, ends))
+}
+
+/// The point where most of the rays of boxes meet, as they are; `None` if they do not meet.
+pub(crate) fn point_of(sample: &Sample, boxes: &[Seen]) -> Option<Vector3<f64>> {
+    let rays: Vec<Ray> = boxes.iter().filter_map(|seen| corrected_ray(sample, seen, None, None)).collect();
+    meeting_point(&rays)
 }
 
 /// The ray of a box after a correction; `frames` has the frame to which the detections of each frame belong then.

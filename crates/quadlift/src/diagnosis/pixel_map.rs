@@ -56,6 +56,12 @@ impl PixelMap {
         Self { linear, shift: -(linear * self.shift) }
     }
 
+    /// This map, and then another one.
+    #[must_use]
+    pub fn then(&self, next: &Self) -> Self {
+        Self { linear: next.linear * self.linear, shift: next.point(self.shift) }
+    }
+
     /// A point.
     pub fn point(&self, point: Vector2<f64>) -> Vector2<f64> {
         self.linear * point + self.shift

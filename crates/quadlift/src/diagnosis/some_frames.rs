@@ -7,12 +7,12 @@ use super::agreement::Agreement;
 use super::cause::{Cause, CauseName};
 use super::correction::Correction;
 use super::hypotheses::discrete;
-use super::misses::{AGREES, corrected_ray};
+use super::misses::{AGREES, corrected_ray, point_of};
 use super::rays::{LARGEST_MISS, Ray, meeting_point};
 use super::sample::{Sample, Seen};
 
 /// Share of frames that contradict the others from which the scene is inconsistent: robust fits are not hurt by fewer.
-pub(crate) const MANY_WRONG: f64 = 0.1;
+const MANY_WRONG: f64 = 0.1;
 
 /// Boxes that are looked at, at most.
 pub(crate) const MAX_BOXES: usize = 20_000;
@@ -36,15 +36,6 @@ const MAX_BY_CHANCE: f64 = 0.5;
 /// A correction that changes nothing.
 pub(crate) const NOTHING: Correction = Correction::FrameOffset(0);
 
-/// Frames whose boxes contradict those of the others.
-#[derive(Debug, Clone)]
-pub(crate) struct SomeFrames {
-    /// Share of the frames with boxes.
-    pub share: f64,
-    /// Its frames, and the mistake if one explains them.
-    pub cause: Cause,
-}
-
 /// The boxes of a frame: all, and those that contradict their objects.
 #[derive(Debug, Clone, Copy, Default)]
 struct Counts {
@@ -52,8 +43,14 @@ struct Counts {
     wrong: f64,
 }
 
-/// Looks for frames that contradict the others; `None` if there are none.
-pub(crate) fn some_frames(sample: &Sample, before: Agreement) -> Option<SomeFrames> {
+/// Whether a cause of some frames makes the scene inconsistent.
+pub(crate) fn are_many(cause: &Cause) -> bool {
+    cause.value.is_some_and(|share| share >= MANY_WRONG)
+}
+
+/// Looks for frames that contradict the others, and names them, their share of those with boxes, and the mistake if one explains
+/// them; `None` if there are none.
+pub(crate) fn some_frames(sample: &Sample, before: Agreement) -> Option<Cause> {
     let ray = |seen: &Seen| corrected_ray(sample, seen, None, None);
     let mut counts = vec![Counts::default(); sample.frames.len()];
     for object in &sample.objects {
@@ -73,7 +70,7 @@ pub(crate) fn some_frames(sample: &Sample, before: Agreement) -> Option<SomeFram
 
 /// The same where objects were found by association: the boxes that no object took are the wrong ones, and a mistake must explain
 /// them. `None` if none does.
-pub(crate) fn some_frames_of_loose(sample: &Sample, loose: &[Seen], before: Agreement) -> Option<SomeFrames> {
+pub(crate) fn some_frames_of_loose(sample: &Sample, loose: &[Seen], before: Agreement) -> Option<Cause> {
     let mut counts = vec![Counts::default(); sample.frames.len()];
     sample.objects.iter().flatten().for_each(|seen| counts[seen.frame as usize].boxes += 1.0);
     for seen in loose {
@@ -81,11 +78,8 @@ pub(crate) fn some_frames_of_loose(sample: &Sample, loose: &[Seen], before: Agre
         (count.boxes, count.wrong) = (count.boxes + 1.0, count.wrong + 1.0);
     }
     let is_wrong = two_kinds(&counts)?;
-    let ray = |seen: &Seen| corrected_ray(sample, seen, None, None);
-    let rays_of = |object: &Vec<Seen>| object.iter().filter_map(ray).collect::<Vec<Ray>>();
-    let points: Vec<_> = sample.objects.iter().filter_map(|object| meeting_point(&rays_of(object))).collect();
+    let points: Vec<_> = sample.objects.iter().filter_map(|object| point_of(sample, object)).collect();
     let these: Vec<&Seen> = loose.iter().filter(|seen| is_wrong[seen.frame as usize]).collect();
-    // Larger boxes agree with anything.
     let agrees = |correction: Correction, seen: &Seen| {
         let ray = corrected_ray(sample, seen, Some(correction), None);
         ray.is_some_and(|ray| points.iter().any(|point| ray.miss(point) <= AGREES))
@@ -103,7 +97,7 @@ fn named(
     is_wrong: &[bool],
     mistake: Option<(Correction, f64)>,
     before: Agreement,
-) -> SomeFrames {
+) -> Cause {
     let with_boxes = counts.iter().filter(|count| count.boxes > 0.0).count();
     let wrong = is_wrong.iter().filter(|wrong| **wrong).count();
     let share = wrong as f64 / with_boxes as f64;
@@ -111,8 +105,7 @@ fn named(
         (correction.cause(), Agreement { share, ..before })
     });
     let frames = (0..is_wrong.len()).filter(|k| is_wrong[*k]).map(|k| sample.frame_ids[k].to_owned()).collect();
-    let cause = Cause { value: Some(share), frames, after, ..Cause::unexplained(name, before) };
-    SomeFrames { share, cause }
+    Cause { value: Some(share), frames, after, ..Cause::unexplained(name, before) }
 }
 
 /// Whether each frame is of the kind with more wrong boxes; `None` unless there clearly are two kinds.
@@ -120,7 +113,6 @@ fn two_kinds(counts: &[Counts]) -> Option<Vec<bool>> {
     let used: Vec<Counts> = counts.iter().copied().filter(|count| count.boxes > 0.0).collect();
     let (boxes, wrong) = used.iter().fold((0.0, 0.0), |(b, w), count| (b + count.boxes, w + count.wrong));
     let one = wrong / boxes;
-    // Each kind has half a box of each sort to begin with, so that shares are never 0 or 1.
     let log = |count: &Counts, share: f64| count.wrong * share.ln() + (count.boxes - count.wrong) * (1.0 - share).ln();
     let (mut of_wrong, mut of_right, mut mixture) = (0.95, 0.05, 0.5);
     let posterior = |count: &Counts, of_wrong: f64, of_right: f64, mixture: f64| {
@@ -128,6 +120,7 @@ fn two_kinds(counts: &[Counts]) -> Option<Vec<bool>> {
         1.0 / (1.0 + (-odds).exp())
     };
     for _ in 0..ROUNDS {
+        // Each kind has half a box of each sort to begin with, so that shares are never 0 or 1.
         let mut sums = [[0.5, 1.0]; 2];
         let mut weights = 0.5;
         for count in &used {
@@ -162,8 +155,7 @@ fn mistake(sample: &Sample, is_wrong: &[bool]) -> Option<(Correction, f64)> {
     let mut objects = Vec::new();
     for object in &sample.objects {
         let (these, others): (Vec<Seen>, Vec<Seen>) = object.iter().partition(|seen| is_wrong[seen.frame as usize]);
-        let rays: Vec<Ray> = others.iter().filter_map(|seen| corrected_ray(sample, seen, None, None)).collect();
-        if let Some(point) = meeting_point(&rays) {
+        if let Some(point) = point_of(sample, &others) {
             objects.push((point, these));
         }
     }

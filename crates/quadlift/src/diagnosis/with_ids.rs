@@ -3,7 +3,7 @@
 use super::agreement::Agreement;
 use super::cause::{Cause, CauseName};
 use super::sample::Sample;
-use super::some_frames::{MANY_WRONG, some_frames};
+use super::some_frames::{are_many, some_frames};
 use super::verdict::{Diagnosis, of_search};
 use super::{object_ids, search, some_frames, trajectory};
 use crate::scene::{Detection, Scene};
@@ -88,9 +88,9 @@ pub(crate) fn of_boxes(scene: &Scene, is_used: impl Fn(&Detection) -> bool) -> D
         if !found.causes.is_empty() || before.share >= SOME_WRONG {
             return None;
         }
-        let some = some_frames(&Sample::with_at_most(scene, &is_used, some_frames::MAX_BOXES), before)?;
-        let consistent = found.consistent && some.share < MANY_WRONG;
-        Some(Diagnosis { consistent, agreement: Some(before), causes: vec![some.cause] })
+        let cause = some_frames(&Sample::with_at_most(scene, &is_used, some_frames::MAX_BOXES), before)?;
+        let consistent = found.consistent && !are_many(&cause);
+        Some(Diagnosis { consistent, agreement: Some(before), causes: vec![cause] })
     };
     if before.miss <= SUSPICIOUS_MISS && before.share >= SUSPICIOUS_SHARE {
         return of_some().unwrap_or(found);

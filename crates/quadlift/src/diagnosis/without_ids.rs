@@ -9,7 +9,7 @@ use super::cause::Cause;
 use super::correction::{BoxFormat, Correction};
 use super::hypotheses::{FAMILIES, discrete};
 use super::sample::{Sample, loose_boxes};
-use super::some_frames::{MANY_WRONG, MAX_BOXES, some_frames_of_loose};
+use super::some_frames::{MAX_BOXES, are_many, some_frames_of_loose};
 use super::trials::{Trial, Tried, evidence, evidence_of};
 use super::verdict::Diagnosis;
 use super::with_ids::of_boxes;
@@ -55,10 +55,11 @@ pub fn diagnose_association(
     let named = association.applied_to(scene, source);
     let mut found = of_boxes(&named, is_used);
     if let (true, Some(agreement)) = (found.consistent && found.causes.is_empty(), found.agreement) {
-        let sample = Sample::with_at_most(&named, is_used, MAX_BOXES);
-        if let Some(some) = some_frames_of_loose(&sample, &loose_boxes(&named, is_used), agreement) {
-            found.consistent = some.share < MANY_WRONG;
-            found.causes.push(some.cause);
+        let loose = loose_boxes(&named, is_used);
+        let of_loose = || some_frames_of_loose(&Sample::with_at_most(&named, is_used, MAX_BOXES), &loose, agreement);
+        if let Some(cause) = (!loose.is_empty()).then(of_loose).flatten() {
+            found.consistent = !are_many(&cause);
+            found.causes.push(cause);
         }
     }
     Ok(with_hypotheses(scene, found, association, is_used, options)?.and_up(scene))

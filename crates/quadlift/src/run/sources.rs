@@ -1,6 +1,6 @@
 //! Measurements beside the boxes that contradict them are left out.
 
-use crate::diagnosis::{Agreement, Cause, CauseName};
+use crate::diagnosis::{Cause, CauseName};
 use crate::localize::{Localization, LocalizeError, LocalizeOptions, solve_objects};
 use crate::observer::Observer;
 use crate::scene::Scene;
@@ -73,7 +73,7 @@ pub(super) fn solve_consistent(
         let mut other = solve_objects(&rest, options, observer)?;
         if other.diagnosis.consistent && localized(&other) > if consistent { usable } else { usable.saturating_sub(1) }
         {
-            let agreement = other.diagnosis.agreement.unwrap_or(Agreement { miss: 0.0, share: 1.0, boxes: 0 });
+            let agreement = other.diagnosis.agreement.unwrap_or_default();
             let causes = extras.into_iter().map(|extra| Cause::unexplained(extra.cause(), agreement));
             other.diagnosis.causes.splice(0..0, causes);
             return Ok(other);
