@@ -116,7 +116,7 @@ class ObjectMapRerun(unittest.TestCase):
             kept = object_map.kept_frames
             poses = {line["frame"]: np.array(line["cam_from_world"], float) for line in records}
             moved = np.stack([poses[name] for name in kept])
-            # The world moves by a metre.
+            # The world moves by a meter.
             moved[:, 0, 3] -= 1.0
             object_map.update_poses(kept, cam_from_world=moved)
             object_map.log_rerun()

@@ -72,7 +72,7 @@ def quadlift(folder, *args):
 
 
 def block_means(image):
-    """Mean colours of the image's blocks of 8 x 8 pixels."""
+    """Mean colors of the image's blocks of 8 x 8 pixels."""
     height, width = image.height // 8, image.width // 8
     pixels = np.asarray(image.convert("RGB"), dtype=float)[:8 * height, :8 * width]
     return pixels.reshape(height, 8, width, 8, 3).mean(axis=(1, 3))

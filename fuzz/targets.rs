@@ -370,7 +370,7 @@ fn stream(data: &[u8]) -> bool {
     all_read
 }
 
-/// Localises boxes whose corners are the bytes, in frames on a circle: estimates are finite or have a status that says why
+/// Localizes boxes whose corners are the bytes, in frames on a circle: estimates are finite or have a status that says why
 /// not.
 fn localize(data: &[u8]) -> bool {
     let [views, objects, method, body, rest @ ..] = data else { return false };

@@ -171,7 +171,7 @@ def check_geojson(path, objects, origin):
         assert point["id"] == ellipse["id"] == o["id"]
         covariance = np.array(o["covariance"]["matrix"])[:3, :3]
         found = np.array(to_tangent.transform(point["geometry"].x, point["geometry"].y, point["geometry"].z))
-        # Coordinates are rounded to a tenth of a millimetre.
+        # Coordinates are rounded to a tenth of a millimeter.
         assert np.abs(found - o["ellipsoid"]["center"]).max() < 2e-4, (found, o["ellipsoid"]["center"])
         assert np.allclose([point[f"sd_{axis}"] for axis in ("east", "north", "up")], np.sqrt(np.diag(covariance)), atol=1e-6)
         box = bounds(o["ellipsoid"])
@@ -180,7 +180,7 @@ def check_geojson(path, objects, origin):
         ring = np.array([to_tangent.transform(*corner) for corner in ellipse["geometry"].exterior.coords])[:, :2]
         offset = ring - found[:2]
         distances = np.einsum("ni,ij,nj->n", offset, np.linalg.inv(covariance[:2, :2]), offset)
-        # 5.991 is the 95 % quantile of chi-square with two degrees of freedom. A tenth of a millimetre matters in small ellipses.
+        # 5.991 is the 95 % quantile of chi-square with two degrees of freedom. A tenth of a millimeter matters in small ellipses.
         slack = 4e-4 / np.sqrt(np.linalg.eigvalsh(covariance[:2, :2]).min())
         assert np.abs(np.sqrt(distances) - np.sqrt(5.991)).max() < slack + 1e-3, distances
     print(f"GeoJSON: {len(points)} points, {len(ellipses)} ellipses")

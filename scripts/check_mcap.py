@@ -346,7 +346,7 @@ def numbers(value):
 
 
 def largest_difference(found, expected):
-    """The largest difference of centres and semi-axes, relative to the sizes of the objects and their distances."""
+    """The largest difference of centers and semi-axes, relative to the sizes of the objects and their distances."""
     assert found.keys() == expected.keys(), (found.keys(), expected.keys())
     largest = 0.0
     for name, o in expected.items():

@@ -1,4 +1,4 @@
-"""Checks an installed package from outside of the repository: imports it and localises the cup of the README."""
+"""Checks an installed package from outside of the repository: imports it and localizes the cup of the README."""
 
 import pathlib
 import sys

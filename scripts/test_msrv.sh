@@ -12,7 +12,7 @@ if ! cargo "+$version" --version 2>/dev/null; then
     fi
 fi
 target="${CARGO_TARGET_DIR:-$PWD/target}/msrv"
-# Only procedural macros and build scripts are run: they need no optimisation.
+# Only procedural macros and build scripts are run: they need no optimization.
 CARGO_INCREMENTAL=0 cargo "+$version" check --workspace --all-features --locked --target-dir "$target" \
     --config 'profile.dev.package."*".opt-level = 0'
 rm -rf "$target"

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The ROS 2 node: format, lints, licences, the oldest compiler, tests. It is a package of its own (ARCHITECTURE.md). The node and a robot
+# The ROS 2 node: format, lints, licenses, the oldest compiler, tests. It is a package of its own (ARCHITECTURE.md). The node and a robot
 # talk in a network namespace; where none can be had, the tests say so and use recorded messages alone. If the program is there
 # (target/debug/quadlift), the node's maps are compared with its own.
 set -euo pipefail

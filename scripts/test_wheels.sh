@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Tests what is published on PyPI: builds the source distribution, builds a wheel from it as pip does, for the C library of
-# 2014 (manylinux2014, with zig as linker), audits the wheel with auditwheel, and localises an object with it in a fresh
-# environment that holds nothing else but numpy. The build is not optimised: only the package is tested here. Needs
+# 2014 (manylinux2014, with zig as linker), audits the wheel with auditwheel, and localizes an object with it in a fresh
+# environment that holds nothing else but numpy. The build is not optimized: only the package is tested here. Needs
 # Linux, Rust, Python 3.10 or later with venv, and PyPI.
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -75,7 +75,7 @@ def largest_parts(inside):
 
 
 def ellipse_of(mask, box):
-    """Centre and shape (4 times the covariance) of the ellipse with the mask's moments; that in the box without any."""
+    """Center and shape (4 times the covariance) of the ellipse with the mask's moments; that in the box without any."""
     y, x = np.nonzero(mask)
     if len(x) < 4:
         return np.add(box[:2], box[2:]) / 2, np.diag(((np.array(box[2:]) - box[:2]) / 2) ** 2)
@@ -112,7 +112,7 @@ def ellipse_iou(first, second, steps=200):
 
 
 def read_mask(folder, record):
-    # OpenCV would give the colours of the palette instead of the values.
+    # OpenCV would give the colors of the palette instead of the values.
     labels = np.array(Image.open(os.path.join(folder, record["path"])))
     return labels == record["value"]
 

@@ -64,7 +64,7 @@ class Data:
         )
 
     def o3d(self, ellipsoids: list[tuple[Floats, Floats, Floats] | None]) -> float:
-        """Mean volume IoU of estimates (centre, semi-axes, quaternion) with the truth."""
+        """Mean volume IoU of estimates (center, semi-axes, quaternion) with the truth."""
         truth = zip(self.centers, self.semi_axes, map(quaternion, self.rotations), strict=True)
         scores = scene_of(list(ellipsoids), "ok").evaluate(scene_of(list(truth), None))
         mean = scores.mean["iou3d"]
@@ -128,7 +128,7 @@ def on_vech(p: Floats) -> Floats:
 
 
 def solve(projections: Floats, conics: Floats, target_from_world: Floats) -> Floats | None:
-    """The dual quadric in the world from dual conics that are centred and scaled, in the target's frame."""
+    """The dual quadric in the world from dual conics that are centered and scaled, in the target's frame."""
     world_from_target = np.linalg.inv(target_from_world)
     count = len(projections)
     system = np.zeros((6 * count, 10 + count))
@@ -157,7 +157,7 @@ def lfd(projections: Floats, boxes: Floats) -> tuple[Floats, Floats, Floats] | N
     if dual is None:
         return None
     target = np.eye(4)
-    target[:3, 3] = dual[:3, 3]  # minus the centre: the last entry is -1
+    target[:3, 3] = dual[:3, 3]  # minus the center: the last entry is -1
     dual = solve(projections, conics, target)
     if dual is None:
         return None
@@ -170,7 +170,7 @@ def lfd(projections: Floats, boxes: Floats) -> tuple[Floats, Floats, Floats] | N
 
 
 def bodies(estimates: quadlift.Estimates) -> list[tuple[Floats, Floats, Floats] | None]:
-    """Centre, semi-axes and quaternion of each object."""
+    """Center, semi-axes and quaternion of each object."""
     rows = zip(estimates.ok, estimates.centers, estimates.semi_axes, estimates.quaternions, strict=True)
     return [(center, axes, rotation) if ok else None for ok, center, axes, rotation in rows]
 

@@ -160,7 +160,7 @@ def main() -> None:
             for row in rows:
                 theirs = by_id[str(row["object"])]
                 assert (row["status"], row["center"]) == (theirs["status"], theirs.get("center")), row
-        print("the same centres, bit by bit")
+        print("the same centers, bit by bit")
         spark.stop()
 
 

@@ -21,7 +21,7 @@ use crate::table::{Cell, Table};
 /// Views of an object that are kept, evenly spread over those it has: with fewer views the estimates differ more.
 const VIEWS: [Option<usize>; 4] = [None, Some(10), Some(5), Some(4)];
 
-/// Height of KITTI's cameras above the road, metres.
+/// Height of KITTI's cameras above the road, meters.
 const CAMERA_HEIGHT: f64 = 1.65;
 
 /// Bounds of the bins of the last table.
@@ -44,7 +44,7 @@ struct Pair {
     left_out: f64,
     /// Less the root mean square residual over the mean half size of its boxes.
     residual: f64,
-    /// Less the standard deviation of the centre over the geometric mean of the semi-axes.
+    /// Less the standard deviation of the center over the geometric mean of the semi-axes.
     deviation: f64,
     /// Its true overlap.
     truth: f64,
@@ -158,7 +158,7 @@ pub fn run(data: &Path, run: &Run) -> Result<Report, Error> {
     let steps = Steps::new("cross-validation", runs * VIEWS.len(), run.progress);
     let mut report = Report::new("cross-validation", "Cross-validation: quality without a truth");
     report.text(
-        "Each view of each object is left out, the object is localised from the others, and its box in that view is \
+        "Each view of each object is left out, the object is localized from the others, and its box in that view is \
          predicted (`quadlift localize --cross-validate`). The mean IoU of predicted and measured boxes needs no \
          ground truth; here it is compared with the true overlap (O3D; for LINEMOD, whose truth is the envelope of \
          the object, that of the enclosing body). KITTI: boxes of a detector (`rrc`), cuboids with the built-in car \
@@ -177,7 +177,7 @@ pub fn run(data: &Path, run: &Run) -> Result<Report, Error> {
             "Spearman",
             "Pearson",
             "Spearman of the residual",
-            "of the sd of the centre",
+            "of the sd of the center",
         ],
     );
     let mut of_views: Vec<Vec<Pair>> = vec![Vec::new(); VIEWS.len()];
@@ -211,7 +211,7 @@ pub fn run(data: &Path, run: &Run) -> Result<Report, Error> {
     table.note(
         "Spearman is the rank correlation: 1 if a larger left-out IoU always means a larger true overlap, 0 if they \
          are unrelated. \"Of the residual\" is that of the root mean square residual of the used views over the mean \
-         half size of the boxes, with its sign inverted, \"of the sd of the centre\" that of its standard deviation \
+         half size of the boxes, with its sign inverted, \"of the sd of the center\" that of its standard deviation \
          over the size of the body, likewise: these are available without leaving views out. Objects that occur with \
          several numbers of views are not independent.",
     );

@@ -1,4 +1,4 @@
-//! The real data: where it is, and its scenes. It cannot be part of the project (its licences do not allow it).
+//! The real data: where it is, and its scenes. It cannot be part of the project (its licenses do not allow it).
 
 use std::path::{Path, PathBuf};
 
@@ -60,7 +60,7 @@ impl TrueScene {
         Ok(Self { sequence: sequence.to_owned(), scene, truth })
     }
 
-    /// Localises the objects and scores them. Objects that are detected in fewer than two of the views that the
+    /// Localizes the objects and scores them. Objects that are detected in fewer than two of the views that the
     /// options keep do not count; all others do, with 0 where a method fails or needs more views.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! A false box among few views (ours): how many wrong objects are reported as localised, and how many correct ones are
+//! A false box among few views (ours): how many wrong objects are reported as localized, and how many correct ones are
 //! not.
 //!
 //! `quadlift synth --objects 40 --views VIEWS --outliers 0.1 --noise box:SIGMA --trajectory orbit --seed SEED`.
@@ -29,11 +29,11 @@ pub(crate) const STEPS: usize = ROWS.len();
 #[derive(Debug, Clone, Copy, Default)]
 struct Counts {
     all: usize,
-    /// The centre is off by more than the mean semi-axis and by more than five standard deviations.
+    /// The center is off by more than the mean semi-axis and by more than five standard deviations.
     wrong: usize,
     /// Wrong, `ok`, and no warning but those that every scene with so few views has.
     passed: usize,
-    /// The centre is off by at most the mean semi-axis.
+    /// The center is off by at most the mean semi-axis.
     right: usize,
     /// Right, but not `ok` or with another warning.
     lost: usize,
@@ -82,9 +82,9 @@ pub(crate) fn table(run: &Run, steps: &Steps) -> Result<Table, Error> {
         steps.done();
     }
     table.note(format!(
-        "40 ellipsoids in each of {count} scenes, cameras on an orbit, every tenth box false. Wrong: the centre is off by \
+        "40 ellipsoids in each of {count} scenes, cameras on an orbit, every tenth box false. Wrong: the center is off by \
          more than the mean semi-axis and by more than five standard deviations. \"Ok\": the status is `ok`, without \
-         a warning other than `only two views` and `narrow baseline`. Right: the centre is off by at most the mean \
+         a warning other than `only two views` and `narrow baseline`. Right: the center is off by at most the mean \
          semi-axis, whatever its covariance; such an object may have a false box. Clean: it has none. Aims: at most 1 \
          % wrong and ok, and from three views on at most 5 % right but not ok."
     ));
@@ -125,7 +125,7 @@ fn of_scene(views: usize, sigma: f64, seed: u64) -> Result<Counts, Error> {
     Ok(counts)
 }
 
-/// Whether an estimate is wrong: its centre is off by more than the mean semi-axis and by more than five of its standard
+/// Whether an estimate is wrong: its center is off by more than the mean semi-axis and by more than five of its standard
 /// deviations; and whether it is right: off by at most the mean semi-axis. Some are neither. `tests/library/false_boxes.rs` of the
 /// library has the same definitions.
 fn verdict(scene: &SyntheticScene, estimate: &Estimate) -> (bool, bool) {

@@ -27,7 +27,7 @@ const BESIDE: [&str; 2] = ["S23", "S35ext"];
 /// Sources of boxes.
 const SOURCES: [(&str, &str); 3] = [
     ("ellipsoid", "tight boxes of the true ellipsoids (the paper simulated its boxes)"),
-    ("label", "labelled boxes"),
+    ("label", "labeled boxes"),
     ("rrc", "boxes of a real detector (RRC)"),
 ];
 
@@ -37,7 +37,7 @@ const POSES: [(&str, &str); 2] = [("aligned", "poses registered on the labels"),
 const SHAPE: [Measure; 3] = [Measure::O3d, Measure::CuboidIou, Measure::ThetaErr];
 const DISTANCE: [Measure; 2] = [Measure::CenterWithin(1.0), Measure::CenterWithin(2.0)];
 
-/// Height of KITTI's cameras above the road, metres (from the description of the data set).
+/// Height of KITTI's cameras above the road, meters (from the description of the data set).
 pub(crate) const CAMERA_HEIGHT: f64 = 1.65;
 
 /// Errors of the poses of a car with GPS and IMU, for the row that estimates them.
@@ -147,7 +147,7 @@ pub fn run(data: &Path, run: &Run) -> Result<Report, Error> {
          paper's 17 frames) and S35ext (5 frames, 2 of them the paper's) are listed separately, because they have \
          neither detector boxes nor GPS poses. The paper's averages are over its six sequences, with simulated boxes; \
          its theta_err is {KITTI_THETA_ERR_IN_TEXT} in the text and {} in the table. For a cuboid estimate, O3D is \
-         that of the inscribed ellipsoid, as in the ground truth. A centre counts even if the estimate is not an \
+         that of the inscribed ellipsoid, as in the ground truth. A center counts even if the estimate is not an \
          ellipsoid. The car prior is the built-in one (size, upright axes, on the ground), with the camera height, \
          {CAMERA_HEIGHT} m.",
         AVERAGED.join(", "),
@@ -200,7 +200,7 @@ fn tables(title: &str, scenes: &[TrueScene], scores: &[RowScores]) -> [Table; 2]
     // The paper's S35 has a separate column, because our frames differ.
     let columns = Columns { averaged: &AVERAGED, pooled: Some("all cars"), beside: &["S23", "S35", "S35ext"] };
     let mut shapes = columns.table(format!("{title}: O3D and theta_err"));
-    let mut distances = columns.table(format!("{title}: centres"));
+    let mut distances = columns.table(format!("{title}: centers"));
     for row in &KITTI_O3D {
         columns.push_paper(&mut shapes, &KITTI_SEQUENCES, row, Measure::O3d);
     }

@@ -10,7 +10,7 @@ use crate::data::TrueScene;
 use crate::error::Error;
 use crate::progress::Steps;
 
-/// Weight of the regulariser of `reg`, the same in every experiment (the paper keeps one for all of its tests). How it
+/// Weight of the regularizer of `reg`, the same in every experiment (the paper keeps one for all of its tests). How it
 /// was chosen is shown by the last table but one of [`crate::Experiment::Synthetic`].
 pub const REG_LAMBDA: f64 = 1e13;
 
@@ -42,7 +42,7 @@ impl MethodRow {
     }
 }
 
-/// The paper's regularised estimator with the weight of its figures.
+/// The paper's regularized estimator with the weight of its figures.
 pub fn reg() -> Method {
     Method::Reg(RegOptions { lambda: REG_LAMBDA })
 }

@@ -109,7 +109,7 @@ pub fn run(data: &Path, run: &Run) -> Result<Report, Error> {
     let mut report = Report::new("minimal", "Minimal configurations: two and three views (section 5.5)");
     report.text(format!(
         "Up to {DRAWS} sets of views of each object, drawn from those whose viewing directions (the rays through the \
-         centres of its boxes) differ by 45 +- 5 degrees; of three views the first and the third differ by at least \
+         centers of its boxes) differ by 45 +- 5 degrees; of three views the first and the third differ by at least \
          40 degrees. KITTI: the widest available, one set for each car, aligned poses, `occluded <= 1` and `truncated \
          = 0`; two of the paper's five frames of S35 are available, so it is used with two views only. Boxes: ACCV \
          `yolo`, TUW `authors`, KITTI `ellipsoid`. The score of an object is the mean over its draws, the standard \

@@ -78,13 +78,13 @@ pub const KITTI_O3D: [Row<6>; 2] = [
 pub const KITTI_THETA_ERR: Row<6> = row("PfD", [0.24, 0.22, 0.16, 0.21, 0.55, 0.07], 0.24);
 /// What the text of section 5.4 gives for the average theta_err, where the table has 0.24.
 pub const KITTI_THETA_ERR_IN_TEXT: f64 = 0.36;
-/// Share of the centres within 1 m, per cent (`tab:distances`; Choi et al. as the paper cites them).
+/// Share of the centers within 1 m, per cent (`tab:distances`; Choi et al. as the paper cites them).
 pub const KITTI_WITHIN_1M: [Row<6>; 3] = [
     row("PfD", [80.0, 71.0, 86.0, 100.0, 50.0, 100.0], 81.0),
     row("PfD+REG", [60.0, 86.0, 100.0, 75.0, 50.0, 86.0], 76.0),
     row("Choi et al.", [20.0, 0.0, 10.0, 27.0, 0.0, 0.0], 10.0),
 ];
-/// Share of the centres within 2 m, per cent.
+/// Share of the centers within 2 m, per cent.
 pub const KITTI_WITHIN_2M: [Row<6>; 3] = [
     row("PfD", [80.0, 71.0, 100.0, 100.0, 50.0, 100.0], 83.0),
     row("PfD+REG", [80.0, 100.0, 100.0, 100.0, 75.0, 100.0], 93.0),

@@ -16,7 +16,7 @@ const SIZE: (u32, u32) = (720, 420);
 /// Width of the column with the names of the curves, pixels.
 const LEGEND_WIDTH: u32 = 150;
 
-/// Colours that people with any colour vision can tell apart (Okabe and Ito).
+/// Colors that people with any color vision can tell apart (Okabe and Ito).
 const COLORS: [RGBColor; 6] = [
     RGBColor(213, 94, 0),
     RGBColor(230, 159, 0),
@@ -55,7 +55,7 @@ pub struct Curve {
 pub struct Mark {
     /// Name in the legend.
     pub name: String,
-    /// Index of the curve whose colour they take.
+    /// Index of the curve whose color they take.
     pub curve: usize,
     /// The points.
     pub points: Vec<(f64, f64)>,

@@ -168,7 +168,7 @@ pub fn page(reports: &[Report], command: &str, plots: &str) -> String {
          section 5 of *3D Pose from Detections* (Rubino, Crocco, Perina, Murino, Del Bue, ICCV 2015), with the \
          paper's printed figures in the rows whose setting is \"paper\". This page is written by\n\n    \
          {command}\n\nThe same seed gives the same page, with any number of threads. The real data is not part of the \
-         project (its licences do not allow it); `--data DIR` or the environment variable `QUADLIFT_DATA` sets the \
+         project (its licenses do not allow it); `--data DIR` or the environment variable `QUADLIFT_DATA` sets the \
          folder that contains its `scenes`. `synthetic` and `few-views` need no data.\n\n{CONVENTIONS}\n"
     );
     let _ = writeln!(text, "{}", summary(reports).to_markdown());

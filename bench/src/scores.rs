@@ -20,7 +20,7 @@ pub enum Measure {
     EnclosingO3d,
     /// Angle between the main axes, radians; over the objects with an ellipsoid.
     ThetaErr,
-    /// Whether the centre lies within so many metres of the true one, in per cent; also without an ellipsoid.
+    /// Whether the center lies within so many meters of the true one, in per cent; also without an ellipsoid.
     CenterWithin(f64),
     /// Volume IoU of the cuboids.
     CuboidIou,
@@ -33,7 +33,7 @@ impl Measure {
             Self::O3d => "O3D".to_owned(),
             Self::EnclosingO3d => "O3D, enclosing".to_owned(),
             Self::ThetaErr => "theta_err".to_owned(),
-            Self::CenterWithin(limit) => format!("centre < {limit} m, %"),
+            Self::CenterWithin(limit) => format!("center < {limit} m, %"),
             Self::CuboidIou => "cuboid IoU".to_owned(),
         }
     }
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn centres_count_without_an_ellipsoid() {
+    fn centers_count_without_an_ellipsoid() {
         let score = ObjectScore { center_error: Some(1.5), iou3d: Some(0.0), ..Default::default() };
         assert_eq!(Measure::CenterWithin(1.0).of(&score), Some(0.0));
         assert_eq!(Measure::CenterWithin(2.0).of(&score), Some(100.0));

@@ -27,7 +27,7 @@ const SCENES: u64 = 4;
 /// Factors on the constants.
 const FACTORS: [f64; 2] = [0.5, 2.0];
 
-/// Height of KITTI's cameras above the road, metres.
+/// Height of KITTI's cameras above the road, meters.
 const CAMERA_HEIGHT: f64 = 1.65;
 
 /// Figures that move by less than this are not shown.
@@ -117,7 +117,7 @@ fn association(seed: u64) -> Result<f64, Error> {
 /// Runs the experiment; without data on synthetic scenes alone.
 ///
 /// # Errors
-/// [`Error`] of a scene that cannot be made, read or localised.
+/// [`Error`] of a scene that cannot be made, read or localized.
 pub fn run(data: Option<&Path>, run: &Run) -> Result<Report, Error> {
     let mut measured = vec![synthetic("3 views", 3, run.seed)?, synthetic("10 views, outliers", 10, run.seed)?];
     if let Ok(folder) = data_folder(data) {

@@ -1,6 +1,6 @@
 //! Two or three views of an object from directions that differ much: the paper's minimal configurations.
 //!
-//! The viewing direction of a view is the ray through the centre of its box; no truth is needed.
+//! The viewing direction of a view is the ray through the center of its box; no truth is needed.
 
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};

@@ -11,7 +11,7 @@ import numpy as np
 
 WIDTH, HEIGHT, FOCAL = 960, 720, 820.0
 CLASSES = ["cup", "bottle", "book"]
-# Class, centre and semi-axes in metres (z up), turn about z in degrees.
+# Class, center and semi-axes in meters (z up), turn about z in degrees.
 OBJECTS = [
     ("cup", (0.25, 0.10, 0.05), (0.045, 0.040, 0.05), 20),
     ("cup", (-0.30, 0.22, 0.05), (0.045, 0.040, 0.05), 110),

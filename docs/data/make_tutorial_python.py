@@ -11,7 +11,7 @@ import numpy as np
 
 WIDTH, HEIGHT, FOCAL = 960, 540, 700.0
 FRAMES, OBJECTS = 40, 20
-# Semi-axes in metres, on average.
+# Semi-axes in meters, on average.
 KINDS = {"crate": (0.35, 0.25, 0.20), "bucket": (0.16, 0.16, 0.18), "bag": (0.28, 0.18, 0.14), "stool": (0.2, 0.2, 0.25)}
 
 rng = np.random.default_rng(11)

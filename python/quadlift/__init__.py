@@ -2,7 +2,7 @@
 
 `localize` takes arrays and gives arrays; `Scene` holds posed frames and detections, reads and writes files and converts
 objects of other packages; `ObjectMap` keeps a map of objects while frames arrive. Camera axes are OpenCV's (x right, y
-down, z forward), pixels are measured from the corner of the image (the first pixel's centre is at 0.5, 0.5), angles are
+down, z forward), pixels are measured from the corner of the image (the first pixel's center is at 0.5, 0.5), angles are
 radians, quaternions have w first, and the world unit is arbitrary.
 """
 

@@ -74,7 +74,7 @@ class RigCalibration:
     reference : int or None
         The camera in whose frame the others were found; None if a pose was given, or no two cameras see the same.
     scale : str
-        What tells the unit: ``"given_poses"``, ``"distances"``, ``"sizes"`` (metres), or ``"arbitrary"``: the object
+        What tells the unit: ``"given_poses"``, ``"distances"``, ``"sizes"`` (meters), or ``"arbitrary"``: the object
         that is seen most is one unit high.
     scale_sd : float or None
         Relative standard deviation of the scale, where sizes tell it.
@@ -119,7 +119,7 @@ def calibrate(
     static: Sequence[str] = (),
     seed: int = 0,
 ) -> RigCalibration:
-    """Poses of fixed, synchronised cameras from what stands or walks by, like `quadlift calibrate`.
+    """Poses of fixed, synchronized cameras from what stands or walks by, like `quadlift calibrate`.
 
     Parameters
     ----------
@@ -139,9 +139,9 @@ def calibrate(
     cam_from_world : array, shape (C, 3, 4), optional
         Poses that are known and kept; NaN for cameras that are sought.
     distances : sequence of (camera, camera, length)
-        Known distances between the centres of two cameras: they tell the scale.
+        Known distances between the centers of two cameras: they tell the scale.
     sizes : "builtin" or None
-        Whether usual sizes of categories, in metres, tell the scale. Say None if distances or poses have another unit.
+        Whether usual sizes of categories, in meters, tell the scale. Say None if distances or poses have another unit.
     upright, static : sequences of categories
         Which bodies are upright (default: people, road vehicles and furniture of the built-in priors), and which stay
         where they are.

@@ -43,7 +43,7 @@ class Boxes3d(TypedDict, total=False):
     sd: Box3dSd
     """Standard deviations of the errors."""
     covariance: ArrayLike
-    """(M, 9, 9), of centre, rotation vector and logarithms of the half extents; takes the place of `sd`."""
+    """(M, 9, 9), of center, rotation vector and logarithms of the half extents; takes the place of `sd`."""
     source: str | ArrayLike
     """The 3D detector, one for all or one for each (None: unknown). Boxes of a source share factors."""
 
@@ -52,9 +52,9 @@ class Box3dSd(TypedDict, total=False):
     """Standard deviations of 3D boxes: (M,) or one number; NaN means unknown."""
 
     distance: ArrayLike
-    """Of the centre along the ray, relative to its distance."""
+    """Of the center along the ray, relative to its distance."""
     direction: ArrayLike
-    """Of the direction of the centre, each way, radians."""
+    """Of the direction of the center, each way, radians."""
     size: ArrayLike
     """Of the logarithm of an extent."""
     rotation: ArrayLike

@@ -1,4 +1,4 @@
-"""Results of localisation, association and evaluation."""
+"""Results of localization, association and evaluation."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Alternative:
     Attributes
     ----------
     center : ndarray, shape (3,)
-        Its centre in the world.
+        Its center in the world.
     body_axes : ndarray, shape (3,)
         Half extents of the body, which is of the kind of the object (semi-axes of a superellipsoid).
     quaternion : ndarray, shape (4,)
@@ -201,11 +201,11 @@ class EstimateArrays:
         return len(self.object_ids)
 
     def __repr__(self) -> str:
-        return f"<quadlift.Estimates: {int(self.ok.sum())} of {len(self)} objects localised, {self.body}>"
+        return f"<quadlift.Estimates: {int(self.ok.sum())} of {len(self)} objects localized, {self.body}>"
 
     @property
     def ok(self) -> NDArray[np.bool_]:
-        """Localised objects, shape (N,): those with the status ``"ok"``."""
+        """Localized objects, shape (N,): those with the status ``"ok"``."""
         ok: NDArray[np.bool_] = self.status == "ok"
         return ok
 

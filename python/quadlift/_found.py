@@ -56,7 +56,7 @@ def of_ultralytics(result: Any, name: str) -> Found:
     if turned is None:
         found.boxes = _numpy(boxes.xyxy)
     else:
-        # Centre, width, height, angle; the boxes around say nothing more.
+        # Center, width, height, angle; the boxes around say nothing more.
         found.oriented_box = _numpy(turned.xywhr).astype(np.float64)
         found.boxes = np.full((len(found.oriented_box), 4), np.nan)
     if masks is not None:

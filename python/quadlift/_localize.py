@@ -39,7 +39,7 @@ def localize(
     length_unit: str | None = None,
     **options: Unpack[_options.Options],
 ) -> Estimates:
-    """Localises all objects of M detections in F posed images.
+    """Localizes all objects of M detections in F posed images.
 
     Parameters
     ----------
@@ -56,14 +56,14 @@ def localize(
     boxes : array_like, shape (M, 4), optional
         ``[x0, y0, x1, y1]`` in pixels; a row of NaN means none.
     ellipses : array_like, shape (M, 5), optional
-        Centre x and y, two semi-axes, and the angle of the first (radians, from x towards y); pixels. A row of NaN
+        Center x and y, two semi-axes, and the angle of the first (radians, from x towards y); pixels. A row of NaN
         means none. Each detection needs a box, an ellipse, an outline or a turned box.
     masks : sequence of (H, W) arrays or None, length M, optional
         Non-zero pixels are the object; for ``observations="mask"``.
     outline : sequence of (K, 2) array_like or None, length M, optional
         Corners of the outlines in pixels, polygons. A detection without a box has the box around its outline.
     oriented_box : array_like, shape (M, 5), optional
-        Turned boxes: centre x and y, width, height, and the angle of the width (radians, from x towards y); pixels. A
+        Turned boxes: center x and y, width, height, and the angle of the width (radians, from x towards y); pixels. A
         row of NaN means none. With an outline it is not used.
     object : array_like of int or str, shape (M,), optional
         The objects of the detections; negative numbers, None and "" mean unknown. If any is unknown, or without this
@@ -77,7 +77,7 @@ def localize(
         `median`, and `sd` and `source` if known.
     box3d : Boxes3d, optional
         3D boxes from single images: a mapping with any of `center`, `half_extents` and `rotation`, and `frame`, `sd`,
-        `covariance`, `source`. With a centre a detection needs neither a box nor an ellipse.
+        `covariance`, `source`. With a center a detection needs neither a box nor an ellipse.
     up : array_like, shape (3,), optional
         World direction against gravity.
     length_unit : str, optional

@@ -57,7 +57,7 @@ class MapObject:
     evidence : float
         Evidence of its kept views against clutter (nats).
     center, semi_axes : ndarray, shape (3,)
-        Centre and semi-axes of the map's quick fit, an ellipsoid, world units; `ObjectMap.objects` has better estimates
+        Center and semi-axes of the map's quick fit, an ellipsoid, world units; `ObjectMap.objects` has better estimates
         with covariances.
     quaternion : ndarray, shape (4,)
         Its rotation, world from object: a unit quaternion, w first.
@@ -210,7 +210,7 @@ class ObjectMap:
     pixel_sd : float, optional
         Size-independent error of box edges, pixels. By default 2, 4 or 8, selected as the evidence grows.
     priors : str, path-like or mapping, optional
-        Sizes of categories: "builtin" (for scenes in metres), a TOML file, or a mapping, as in `localize`.
+        Sizes of categories: "builtin" (for scenes in meters), a TOML file, or a mapping, as in `localize`.
     max_views : int
         Maximum number of views that an object keeps; the least informative ones are forgotten.
     max_objects : int
@@ -479,7 +479,7 @@ class ObjectMap:
         return self._estimates[1]
 
     def localize(self, **options: Unpack[_options.Options]) -> Estimates:
-        """Localises all confirmed and gone objects from their kept views, like ``quadlift stream --map``.
+        """Localizes all confirmed and gone objects from their kept views, like ``quadlift stream --map``.
 
         Parameters
         ----------
@@ -544,14 +544,14 @@ class ObjectMap:
         """Logs the last frame, and what has changed since the last call, to the current recording of Rerun.
 
         Needs Rerun's SDK and a recording: ``rerun.init("video", spawn=True)`` opens the viewer, ``rerun.save`` writes a
-        file. Shown are the camera, the boxes in the colours of their objects, the confirmed objects and the events;
+        file. Shown are the camera, the boxes in the colors of their objects, the confirmed objects and the events;
         objects that are gone vanish. The entities are those of ``quadlift stream --rerun``; the timelines ``frame`` and
         ``time`` stay at the frame, for what else there is to log of it.
 
         Parameters
         ----------
         image : array_like of uint8, shape (H, W) or (H, W, 3), optional
-            The image of the frame: grey, or red, green, blue; or its path, or what ``rerun.log`` takes. The default is
+            The image of the frame: gray, or red, green, blue; or its path, or what ``rerun.log`` takes. The default is
             the file that `observe` was given as `image`, if it is a PNG or JPEG file.
 
         Raises

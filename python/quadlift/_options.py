@@ -1,4 +1,4 @@
-"""The options of localisation, segmentation and association: those of the program, checked for the core."""
+"""The options of localization, segmentation and association: those of the program, checked for the core."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Segmenter = Literal["graphcut", "sca", "masks"]
 
 
 class Result(Protocol):
-    """The result of a localisation: `Estimates`."""
+    """The result of a localization: `Estimates`."""
 
     def to_scene(self) -> SceneData:
         """The scene with the estimates as objects."""
@@ -58,7 +58,7 @@ class Options(RunOptions, total=False):
 
 
 def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, Progress | None]:
-    """Keywords of the core for localisation, the number of threads and the progress callback."""
+    """Keywords of the core for localization, the number of threads and the progress callback."""
     given: dict[str, Any] = dict(options)
     threads, progress = threads_and_progress(given.pop("threads", None), given.pop("progress", None))
     priors, text = _priors(given.pop("priors", None))
@@ -159,7 +159,7 @@ def of_map(
 
 
 NOT_OF_MAP = ("associate", "ids", "source", "priors", "pose_noise")
-"""Options of a localisation that an object map has, or that mean nothing there."""
+"""Options of a localization that an object map has, or that mean nothing there."""
 
 
 def split_of_map(options: Options, of_map: dict[str, Any]) -> tuple[dict[str, Any], int | None, Progress | None]:

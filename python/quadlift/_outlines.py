@@ -22,7 +22,7 @@ class OutlineArrays(TypedDict):
     offsets: NDArray[np.int64] | None
     """(M + 1,): where the corners of each detection begin, 0 to K; a detection without an outline has none."""
     oriented_boxes: NDArray[np.float64] | None
-    """(M, 5): centre, width and height, angle; a row of NaN is no turned box."""
+    """(M, 5): center, width and height, angle; a row of NaN is no turned box."""
     hidden_lines: NDArray[np.bool_] | None
     """(M, 8): supporting lines that another outline is known to hide."""
 

@@ -35,7 +35,7 @@ class Scene(FromOtherPackages):
     # Operations
 
     def localize(self, **options: Unpack[_options.Options]) -> Estimates:
-        """Localises the objects like the program; see `quadlift.localize` for the options.
+        """Localizes the objects like the program; see `quadlift.localize` for the options.
 
         Returns
         -------
@@ -166,7 +166,7 @@ class Scene(FromOtherPackages):
         pixel_sd : float, optional
             Size-independent error of box edges, pixels. By default 2, 4 or 8, the largest that the evidence supports.
         priors : str, path-like or mapping, optional
-            Sizes of categories: "builtin" (for scenes in metres), a TOML file, or a mapping, as in `localize`.
+            Sizes of categories: "builtin" (for scenes in meters), a TOML file, or a mapping, as in `localize`.
         threads : int, optional
             Number of threads.
         progress : callable, optional
@@ -292,7 +292,7 @@ class Estimates(EstimateArrays):
     status : ndarray of str, shape (N,)
         ``"ok"``, ``"inconsistent"``, ``"not_an_ellipsoid"``, ``"too_few_views"``, ``"degenerate"`` or ``"diverged"``.
     centers : ndarray, shape (N, 3)
-        Centres in the world, if known.
+        Centers in the world, if known.
     semi_axes : ndarray, shape (N, 3)
         Semi-axes of the tangent ellipsoid, world units.
     quaternions : ndarray, shape (N, 4)
@@ -300,8 +300,8 @@ class Estimates(EstimateArrays):
     rotations : ndarray, shape (N, 3, 3)
         The same as matrices, whose columns are the axes in the order of ``semi_axes``.
     enclosing_semi_axes, enclosing_centers : ndarray, shape (N, 3)
-        Semi-axes and centre of the enclosing ellipsoid, which should contain the real object. It is fitted separately:
-        its centre and rotation differ from those of the tangent one.
+        Semi-axes and center of the enclosing ellipsoid, which should contain the real object. It is fitted separately:
+        its center and rotation differ from those of the tangent one.
     enclosing_quaternions : ndarray, shape (N, 4)
         Its rotation, world from object: a unit quaternion, w first.
     body_kinds : list of str or None, length N
@@ -313,10 +313,10 @@ class Estimates(EstimateArrays):
     covariances : ndarray, shape (N, 9, 9)
         Covariances, in ``covariance_coordinates``.
     covariance_coordinates : list of str or None, length N
-        ``"center_vech_shape"`` (centre, and vech of the shape matrix) for ellipsoids, otherwise
+        ``"center_vech_shape"`` (center, and vech of the shape matrix) for ellipsoids, otherwise
         ``"center_rotation_log_axes"``.
     center_sd : ndarray, shape (N,)
-        Standard deviations of the centres per coordinate, world units.
+        Standard deviations of the centers per coordinate, world units.
     views_used : ndarray of int, shape (N,)
         Numbers of used views.
     rms_residuals : ndarray, shape (N,)
@@ -370,7 +370,7 @@ class Estimates(EstimateArrays):
         With ``calibration=...``: the number of `objects` with ground truth, the `results` and `truths`, and
         `squared_distance`: for the ``"center"``, the ``"extents"`` and the whole ``"body"`` the squared Mahalanobis
         distance that contains the truth with a probability of ``"0.5"``, ``"0.9"``, ``"0.95"`` and ``"0.99"``; None if
-        there are too few objects. The centre is that of the reported body.
+        there are too few objects. The center is that of the reported body.
     skipped : dict
         Numbers of skipped detections: `without_object`, `occluded_or_truncated`, `beyond_lens` (where the lens cannot
         be undistorted), `without_measurement` (without the measurement that `observations` selects).
@@ -494,7 +494,7 @@ class Estimates(EstimateArrays):
         """The objects as 3D detections of FiftyOne (https://docs.voxel51.com), for a 3D sample; needs its package.
 
         Each object with a body is a `fiftyone.Detection` with `label` (the category, or ``"object"``), `location` (the
-        centre), `dimensions` (twice the half extents or semi-axes) and `rotation` (angles in radians about x, y and z,
+        center), `dimensions` (twice the half extents or semi-axes) and `rotation` (angles in radians about x, y and z,
         applied in this order to the axes of the object), in world coordinates; further attributes are `object_id`,
         `status`, `center_sd` and `views_used`.
 

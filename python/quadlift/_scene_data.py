@@ -69,7 +69,7 @@ class SceneData:
         ------
         QuadliftError
             If the file is an image or mask of the scene; or if this scene has the estimates but not the detections of a
-            localised scene and the file is that scene.
+            localized scene and the file is that scene.
         """
         self._core.write(path)
 
@@ -150,14 +150,14 @@ class SceneData:
         boxes : array_like, shape (M, 4), optional
             ``[x0, y0, x1, y1]`` in pixels; a row of NaN means none.
         ellipses : array_like, shape (M, 5), optional
-            Centre x and y, two semi-axes, and the angle of the first (radians, from x towards y); pixels. A row of NaN
+            Center x and y, two semi-axes, and the angle of the first (radians, from x towards y); pixels. A row of NaN
             means none. Each detection needs a box, an ellipse, an outline or a turned box.
         masks : sequence of (H, W) arrays or None, length M, optional
             Non-zero pixels are the object.
         outline : sequence of (K, 2) array_like or None, length M, optional
             Corners of the outlines in pixels, polygons. A detection without a box has the box around its outline.
         oriented_box : array_like, shape (M, 5), optional
-            Turned boxes: centre x and y, width, height, and the angle of the width (radians, from x towards y); pixels.
+            Turned boxes: center x and y, width, height, and the angle of the width (radians, from x towards y); pixels.
             A row of NaN means none. With an outline it is not used.
         object : array_like of int or str, shape (M,), optional
             The objects; negative numbers, None and "" mean unknown. A source detects each at most once per frame.
@@ -170,7 +170,7 @@ class SceneData:
             `median`, and `sd` and `source` if known.
         box3d : Boxes3d, optional
             3D boxes from single images: a mapping with any of `center`, `half_extents` and `rotation`, and `frame`,
-            `sd`, `covariance`, `source`. With a centre a detection needs neither a box nor an ellipse.
+            `sd`, `covariance`, `source`. With a center a detection needs neither a box nor an ellipse.
         source : str, optional
             Name of the detector.
         """

@@ -47,7 +47,7 @@ def localize(
     partitions: int | None = None,
     **options: Any,
 ) -> DataFrame:
-    """Localises all objects of a table of detections.
+    """Localizes all objects of a table of detections.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def localize(
     sample_objects : int
         Number of objects in the sample, at most 2000.
     partitions : int, optional
-        Number of localisation tasks. By default Spark chooses it by the size of the tables, which are small relative to
+        Number of localization tasks. By default Spark chooses it by the size of the tables, which are small relative to
         the work: on a large cluster use a few per core.
     **options
         `method`, `priors`, `min_views`, `reg_weight`, `seed` as in `quadlift.localize`, and without the column `object`

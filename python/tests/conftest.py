@@ -83,7 +83,7 @@ def made_scene(objects: int = 4, views: int = 6) -> Arrays:
 
 
 def made_truth(objects: int = 4) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Centres and sorted semi-axes of the objects of `made_scene`."""
+    """Centers and sorted semi-axes of the objects of `made_scene`."""
     rng = np.random.default_rng(0)
     return rng.uniform(-2.0, 2.0, (objects, 3)), np.sort(rng.uniform(0.3, 0.8, (objects, 3)))
 

@@ -111,7 +111,7 @@ def test_what_cannot_be_told_has_no_pose() -> None:
         ({"intrinsics": np.stack([np.eye(3) * 2] * 3)}, "intrinsics[0]"),
         ({"distances": [(0, 0, 1.0)]}, "distances[0]"),
         ({"distances": [(0, 1, 0.0)]}, "distances[0]"),
-        ({"sizes": "metres"}, "sizes"),
+        ({"sizes": "meters"}, "sizes"),
         ({"objects": ["anna"]}, "objects"),
     ],
 )

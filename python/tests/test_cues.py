@@ -129,7 +129,7 @@ def test_scenes_keep_them(cued: Cued, tmp_path: Path) -> None:
 
 
 def one_view() -> tuple[Arrays, NDArray[np.float64]]:
-    """The first view of a scene, and the true depths of the centres."""
+    """The first view of a scene, and the true depths of the centers."""
     made = made_scene(views=6)
     centers = np.random.default_rng(0).uniform(-2.0, 2.0, (4, 3))
     depths = (made.projections[0] @ np.column_stack([centers, np.ones(4)]).T)[2]
@@ -201,7 +201,7 @@ def test_deviations_and_covariances_are_those_of_files(cued: Cued) -> None:
         ({"box3d": {"center": np.ones((4, 2))}}, 'box3d["center"] has the shape (4, 2); expected (M, 3)'),
         (
             {"box3d": {"center": -np.ones((4, 3))}},
-            "box3d[0]: the centre [-1.0, -1.0, -1.0] is not in front of the camera",
+            "box3d[0]: the center [-1.0, -1.0, -1.0] is not in front of the camera",
         ),
         (
             {"box3d": {"rotation": np.ones((4, 4))}},
@@ -335,7 +335,7 @@ def test_wrong_rows_of_tables_are_named(cued: Cued) -> None:
 
 
 def test_documents_are_json(cued: Cued) -> None:
-    """What a localised scene says of the scales, as a file has it."""
+    """What a localized scene says of the scales, as a file has it."""
     estimates = quadlift.Scene.from_dict(cued.document).localize()
     written = estimates.to_scene().to_dict()["localization"]["cue_scales"]
     assert written == json.loads(json.dumps(estimates.cue_scales))

@@ -90,7 +90,7 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
         "priors['cup']['size'] has the shape (2,); expected (3,)",
     ),
     "up": ({"up": [0, 0, 0]}, "up: [0.0, 0.0, 0.0] is not a direction"),
-    "empty": ({"frame": [], "boxes": np.zeros((0, 4)), "object": []}, "there is nothing to localise"),
+    "empty": ({"frame": [], "boxes": np.zeros((0, 4)), "object": []}, "there is nothing to localize"),
     "no objects": ({"object": -np.ones(10, int), "associate": "never"}, "10 detections have no object id"),
     "method": ({"method": "magic"}, 'method is "magic"; expected one of map, planes'),
     "body": ({"body": "ball"}, 'body is "ball"; expected one of auto, ellipsoid'),

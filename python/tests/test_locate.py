@@ -11,7 +11,7 @@ FRAMES = 12
 
 
 def balls() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Six balls on a table, seen from around it: centres, radii, poses, boxes (object, frame)."""
+    """Six balls on a table, seen from around it: centers, radii, poses, boxes (object, frame)."""
     rng = np.random.default_rng(1)
     angles = np.linspace(0.0, 2.0 * np.pi, FRAMES, endpoint=False)
     eyes = np.stack([2.0 * np.cos(angles), 2.0 * np.sin(angles), np.full(FRAMES, 1.0)], axis=1)

@@ -328,7 +328,7 @@ def test_wrong_frames_change_nothing(name: str) -> None:
         ({"pixel_sd": -1}, "pixel"),
         ({"pose_noise": (0.1, 0)}, "pose_noise is (0.1, 0); expected two numbers above 0"),
         ({"up": (0, 0, 0)}, "up: "),
-        ({"priors": "builtin"}, "metres"),
+        ({"priors": "builtin"}, "meters"),
         ({"priors": "no.toml"}, "no.toml: there is no such file"),
     ],
 )
@@ -363,8 +363,8 @@ def test_wrong_calls(lines: list[Line]) -> None:
             call()
     with pytest.raises(TypeError, match="unexpected keyword argument 'associate'"):
         made.localize(associate="never")
-    with pytest.raises(TypeError, match="unexpected keyword argument 'colour'"):
-        made.localize(colour="red")  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match="unexpected keyword argument 'color'"):
+        made.localize(color="red")  # type: ignore[call-arg]
     assert made.__reduce__() == before
     assert second in made
 

@@ -11,7 +11,7 @@ import pytest
 import quadlift
 from conftest import Program, as_written, page_data, read_json
 
-# What `synth` makes, and the options of the localisation in both spellings.
+# What `synth` makes, and the options of the localization in both spellings.
 SCENES: dict[str, tuple[list[str], list[str], dict[str, Any]]] = {
     "boxes": (["--objects", "6", "--views", "10", "--noise", "box:0.05", "--outliers", "0.05"], [], {}),
     "cuboids": (

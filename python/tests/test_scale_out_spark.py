@@ -327,7 +327,7 @@ def test_a_column_that_may_have_been_meant_is_named(
 
 
 def die_once(marker: str, executor: bool) -> Any:
-    """A step behind the localisation, in the same task, whose first worker (or the executor above it) is killed."""
+    """A step behind the localization, in the same task, whose first worker (or the executor above it) is killed."""
 
     def step(found: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
         for batch in found:

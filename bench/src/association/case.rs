@@ -34,11 +34,11 @@ pub struct CaseScore {
     pub division: DivisionScore,
     /// The objects, with the bodies that association itself fits.
     pub found: FoundScore,
-    /// Share of the true objects that have a found centre within their longest semi-axis.
+    /// Share of the true objects that have a found center within their longest semi-axis.
     pub centers_found: Option<f64>,
-    /// Mean volume IoU of the true objects, localised from what was found.
+    /// Mean volume IoU of the true objects, localized from what was found.
     pub o3d: f64,
-    /// The same, localised from the true identities.
+    /// The same, localized from the true identities.
     pub o3d_with_true_ids: f64,
     /// Objects at least half of whose detections show true ones.
     pub standing: Marked,
@@ -155,7 +155,7 @@ impl Case {
     }
 }
 
-/// Localises the objects that the detections name: the mean volume IoU of the true objects, 0 for those that are
+/// Localizes the objects that the detections name: the mean volume IoU of the true objects, 0 for those that are
 /// not there.
 pub(crate) fn o3d(scene: &Scene, bodies: &[Ellipsoid]) -> Result<f64, Error> {
     let localization = localize_ellipsoids(scene)?;
@@ -164,7 +164,7 @@ pub(crate) fn o3d(scene: &Scene, bodies: &[Ellipsoid]) -> Result<f64, Error> {
     Ok(score.mean_iou3d.unwrap_or(0.0) * score.recall().unwrap_or(0.0))
 }
 
-/// Localises the objects that the detections name, as ellipsoids.
+/// Localizes the objects that the detections name, as ellipsoids.
 pub(crate) fn localize_ellipsoids(scene: &Scene) -> Result<Localization, Error> {
     let map = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
     Ok(localize(scene, &LocalizeOptions::from(map))?)

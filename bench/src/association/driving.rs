@@ -19,7 +19,7 @@ use crate::progress::Steps;
 use crate::report::Report;
 use crate::table::{Cell, Table};
 
-/// A sequence: name, headline, the least F1 demanded; of the prototype F1, share of the centres found and false
+/// A sequence: name, headline, the least F1 demanded; of the prototype F1, share of the centers found and false
 /// objects.
 const SEQUENCES: [(&str, &str, f64, [f64; 3]); 4] = [
     ("0000", "association_video_0000", 0.98, [0.997, 1.0, 6.0]),
@@ -31,7 +31,7 @@ const SEQUENCES: [(&str, &str, f64, [f64; 3]); 4] = [
 /// Boxes with a lower score are skipped.
 const LEAST_SCORE: f64 = 0.5;
 
-/// A box shows a labelled car when their intersection over union is greater.
+/// A box shows a labeled car when their intersection over union is greater.
 const LEAST_OVERLAP: f64 = 0.5;
 
 /// For each detection the id of the label that it shows.
@@ -168,8 +168,8 @@ pub fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(), Error>
         "aim",
         "F1",
         "standing cars",
-        "centres found, prototype",
-        "centres found",
+        "centers found, prototype",
+        "centers found",
         "false, prototype",
         "false objects",
         "doubtful ones",
@@ -210,7 +210,7 @@ pub fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(), Error>
     }
     table.note(format!(
         "Boxes with a score of {LEAST_SCORE} or more; default settings. Poses from GPS and IMU. A true object is a \
-         static car that is detected at least three times; its centre is found if an object lies within its longest \
+         static car that is detected at least three times; its center is found if an object lies within its longest \
          semi-axis. A found object is false if most of its boxes show something else, usually a moving car. Aims for \
          all sequences together: at least half of the false ones doubtful, and at most 5 % of the true ones."
     ));

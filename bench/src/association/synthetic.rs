@@ -264,7 +264,7 @@ fn add_ids(report: &mut Report, run: &Run, steps: &Steps) -> Result<(), Error> {
     }
     table.note(
         "At each detection, with the given probability, a fragment starts a new track and a switch swaps the tracks \
-         of two neighbours from then on.",
+         of two neighbors from then on.",
     );
     report.table(table);
     Ok(())

@@ -32,15 +32,15 @@ const COMMON: usize = 12;
 
 const FIRST_SEED: u64 = 829;
 
-/// Bounds of what is right: scale, rotation in degrees, middle of the room in metres.
+/// Bounds of what is right: scale, rotation in degrees, middle of the room in meters.
 const MOST_SCALE: f64 = 0.02;
 const MOST_DEGREES: f64 = 2.0;
-const MOST_METRES: f64 = 0.1;
+const MOST_METERS: f64 = 0.1;
 
 /// Standard deviation of the verticals, degrees.
 const UP_SD: f64 = 2.0;
 
-/// Real scenes: file, name, source of the boxes, bound of the position in metres.
+/// Real scenes: file, name, source of the boxes, bound of the position in meters.
 const SCENES: [(&str, &str, &str, f64); 4] = [
     ("lmo_A", "LM-O A, boxes of models", "model", 0.05),
     ("lmo_B", "LM-O B, boxes of models", "model", 0.05),
@@ -164,7 +164,7 @@ fn aligned(maps: &TwoMaps, known: Known) -> Option<Similarity> {
     found.transforms.first().filter(|_| found.status == AlignStatus::Ok).map(|best| best.a_from_b)
 }
 
-/// All methods on two maps: those of [`KNOWN`], then centres with the scale known and unknown.
+/// All methods on two maps: those of [`KNOWN`], then centers with the scale known and unknown.
 fn tallies(maps: &TwoMaps, bound: f64, seed: u64) -> Vec<Tally> {
     let of_known = KNOWN.iter().map(|(_, known)| aligned(maps, *known));
     let scale = Some(maps.a_from_b.scale);
@@ -174,7 +174,7 @@ fn tallies(maps: &TwoMaps, bound: f64, seed: u64) -> Vec<Tally> {
 
 /// The names of the methods of [`tallies`].
 fn methods() -> impl Iterator<Item = &'static str> {
-    KNOWN.iter().map(|(name, _)| *name).chain(["centres, rigid", "centres, similarity"])
+    KNOWN.iter().map(|(name, _)| *name).chain(["centers, rigid", "centers, similarity"])
 }
 
 /// Sums of the tallies of each method.
@@ -189,10 +189,10 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
     report.text(format!(
         "Two maps of a room, made by `quadlift localize` from the {} images of one half of its walls and from those of the other half: no image is \
          common. Of the 30 objects {COMMON} (40 %) are in both maps, half of the others in each. The second map is moved by a rotation, a \
-         translation and a scale from 1/8 to 8. Right: within {:.0} % of the scale, {MOST_DEGREES} degrees, and {MOST_METRES} m in the middle of the \
+         translation and a scale from 1/8 to 8. Right: within {:.0} % of the scale, {MOST_DEGREES} degrees, and {MOST_METERS} m in the middle of the \
          room; wrong: beyond, with the status `ok`; refused: any other status. \"Rigid\": the scale is known; \"up\": the vertical is, to {UP_SD} \
-         degrees. \"Centres\" is Umeyama's method on three centres of equal categories in RANSAC, written for this table: it claims what four \
-         centres agree with. {draws} draws for each row. Of maps with nothing in common ({other_draws} draws) no answer is right.",
+         degrees. \"Centers\" is Umeyama's method on three centers of equal categories in RANSAC, written for this table: it claims what four \
+         centers agree with. {draws} draws for each row. Of maps with nothing in common ({other_draws} draws) no answer is right.",
         FRAMES / 2,
         100.0 * MOST_SCALE,
     ));
@@ -203,7 +203,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
         for categories in CATEGORIES {
             let draw = |number: u64| {
                 let seed = run.seed.wrapping_add(FIRST_SEED + number);
-                Ok(tallies(&rooms(categories, common, seed)?, MOST_METRES, seed))
+                Ok(tallies(&rooms(categories, common, seed)?, MOST_METERS, seed))
             };
             let draws = (0..count).into_par_iter().map(draw).collect::<Result<Vec<_>, Error>>()?;
             for (k, (method, tally)) in methods().zip(summed(&draws)).enumerate() {

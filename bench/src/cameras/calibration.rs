@@ -22,9 +22,9 @@ const FIRST_SEED: u64 = 1000;
 const MISSES: f64 = 0.2;
 const FALSE_BOXES: f64 = 0.05;
 
-/// What is right, degrees and metres; and standard deviations beyond which an answer that is not right is wrong.
+/// What is right, degrees and meters; and standard deviations beyond which an answer that is not right is wrong.
 const RIGHT_DEGREES: f64 = 1.0;
-const RIGHT_METRES: f64 = 0.1;
+const RIGHT_METERS: f64 = 0.1;
 const WRONG_SDS: f64 = 4.0;
 
 /// Cameras, walkers, instants, noise of edges, ids, path.
@@ -55,14 +55,14 @@ const ROWS: [Row; 17] = [
 struct Tally {
     cameras: usize,
     degrees: Vec<f64>,
-    metres: Vec<f64>,
+    meters: Vec<f64>,
     right: usize,
     wrong: usize,
     refused: usize,
     nees: Vec<f64>,
 }
 
-/// Rotation, and centre in the frame of a reference.
+/// Rotation, and center in the frame of a reference.
 fn relative(pose: &CamFromWorld, reference: &CamFromWorld) -> (Matrix3<f64>, Vector3<f64>) {
     let parts = |pose: &CamFromWorld| {
         let matrix = *pose.matrix();
@@ -74,7 +74,7 @@ fn relative(pose: &CamFromWorld, reference: &CamFromWorld) -> (Matrix3<f64>, Vec
 }
 
 impl Tally {
-    /// Counts an answer: rotation and centre relative to the reference, with standard deviations and covariance where there are any.
+    /// Counts an answer: rotation and center relative to the reference, with standard deviations and covariance where there are any.
     fn add(
         &mut self,
         found: Option<(Matrix3<f64>, Vector3<f64>)>,
@@ -88,20 +88,20 @@ impl Tally {
         };
         let turn = Rotation3::from_matrix_eps(&(rotation * truth.0.transpose()), 1e-12, 100, Rotation3::identity());
         let (turn, off) = (rotation_vector(&turn), rotation * (center - truth.1));
-        let (degrees, metres) = (turn.norm().to_degrees(), off.norm());
-        let is_right = degrees < RIGHT_DEGREES && metres < RIGHT_METRES;
+        let (degrees, meters) = (turn.norm().to_degrees(), off.norm());
+        let is_right = degrees < RIGHT_DEGREES && meters < RIGHT_METERS;
         self.right += usize::from(is_right);
         let total = 3f64.sqrt();
         let sds = known.and_then(CalibratedCamera::sds);
         let beyond = sds.is_none_or(|[rotation_sd, position_sd]| {
-            turn.norm() > WRONG_SDS * total * rotation_sd || metres > WRONG_SDS * total * position_sd
+            turn.norm() > WRONG_SDS * total * rotation_sd || meters > WRONG_SDS * total * position_sd
         });
         self.wrong += usize::from(!is_right && beyond);
         let error = Vector6::from_iterator(turn.iter().chain(off.iter()).copied());
         let whitened = known.and_then(|camera| Some(error.dot(&camera.covariance?.cholesky()?.solve(&error))));
         self.nees.extend(whitened);
         self.degrees.push(degrees);
-        self.metres.push(metres);
+        self.meters.push(meters);
     }
 
     fn cells(mut self) -> Vec<Cell> {
@@ -115,8 +115,8 @@ impl Tally {
         let mut cells = vec![
             quantile(&mut self.degrees, 0.5, 2),
             quantile(&mut self.degrees, 0.95, 2),
-            quantile(&mut self.metres, 0.5, 3),
-            quantile(&mut self.metres, 0.95, 3),
+            quantile(&mut self.meters, 0.5, 3),
+            quantile(&mut self.meters, 0.95, 3),
         ];
         cells.extend(shares.map(|value| Cell::number(value, 2)));
         cells.push(quantile(&mut self.nees, 0.5, 1));
@@ -129,7 +129,7 @@ impl Tally {
         self.wrong += other.wrong;
         self.refused += other.refused;
         self.degrees.extend(other.degrees);
-        self.metres.extend(other.metres);
+        self.meters.extend(other.meters);
         self.nees.extend(other.nees);
         self
     }
@@ -139,7 +139,7 @@ impl Tally {
 type OfBody = (usize, Option<usize>);
 type BothSides = [Vec<Vector3<f64>>; 2];
 
-/// Centres of boxes of two cameras that show the same person: by ids, or at instants at which both have one box.
+/// Centers of boxes of two cameras that show the same person: by ids, or at instants at which both have one box.
 fn rays(hall: &Hall, cameras: [usize; 2]) -> Vec<(Vector3<f64>, Vector3<f64>)> {
     let mut of_instant: BTreeMap<OfBody, BothSides> = BTreeMap::new();
     let k = &hall.intrinsics;
@@ -196,8 +196,8 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
         "Fixed cameras at the walls of halls of 8 x 6 m, 2.5 to 3 m high, calibrated by `quadlift calibrate` from the boxes of people who \
          walk (bodies with shoulders, which no ellipsoid of revolution is), half a second apart: {MISSES} of the people have no box, and beside {FALSE_BOXES} of the boxes there is a \
          false one. One distance between two cameras is known. Errors are those of each camera relative to the first one, \
-         over {count} halls ({} of two cameras). Right: within {RIGHT_DEGREES} degree and {RIGHT_METRES} m; wrong: not right, with a pose, and \
-         beyond {WRONG_SDS} of its standard deviations; refused: without a pose. \"Eight points\" is the essential matrix of the centres of boxes, pair by pair with RANSAC; it gets the \
+         over {count} halls ({} of two cameras). Right: within {RIGHT_DEGREES} degree and {RIGHT_METERS} m; wrong: not right, with a pose, and \
+         beyond {WRONG_SDS} of its standard deviations; refused: without a pose. \"Eight points\" is the essential matrix of the centers of boxes, pair by pair with RANSAC; it gets the \
          true length of each translation, and has no standard deviations. NEES is the median (5.3 is honest).",
         2 * count,
     ));

@@ -1,4 +1,4 @@
-//! The plain method beside which ours stands: centres of boxes as images of the centres of objects, P3P in RANSAC.
+//! The plain method beside which ours stands: centers of boxes as images of the centers of objects, P3P in RANSAC.
 
 use std::collections::BTreeSet;
 
@@ -14,7 +14,7 @@ use super::p3p::{Pose, p3p};
 /// Draws of three boxes with an object each.
 const DRAWS: usize = 2000;
 
-/// A box agrees with an object whose centre is projected within this share of its mean half size.
+/// A box agrees with an object whose center is projected within this share of its mean half size.
 const NEAR: f64 = 0.5;
 
 /// Boxes that must agree with a pose that is given: one more than it is made of.
@@ -23,14 +23,14 @@ const FEWEST: usize = 4;
 /// Steps of Gauss and Newton at the end.
 const STEPS: usize = 10;
 
-/// A box: where its centre is, on the plane Z = 1, the radius within which an object agrees, and the objects of its category.
+/// A box: where its center is, on the plane Z = 1, the radius within which an object agrees, and the objects of its category.
 struct Sight {
     center: Vector2<f64>,
     radius: f64,
     objects: Vec<usize>,
 }
 
-/// The pose with which the centres of most boxes agree; `None` where fewer than four do.
+/// The pose with which the centers of most boxes agree; `None` where fewer than four do.
 pub(super) fn locate_by_centers(map: &LandmarkMap, query: &Query, seed: u64) -> Option<CamFromWorld> {
     let k = &query.intrinsics;
     let points: Vec<Vector3<f64>> = map.landmarks().iter().map(|l| l.ellipsoid.center.coords).collect();
@@ -99,7 +99,7 @@ fn agreeing(pose: &Pose, sights: &[Sight], points: &[Vector3<f64>]) -> Vec<(usiz
     pairs
 }
 
-/// The pose with the least squares of the distances of centres.
+/// The pose with the least squares of the distances of centers.
 fn refined(mut pose: Pose, pairs: &[(usize, usize)], sights: &[Sight], points: &[Vector3<f64>]) -> Pose {
     for _ in 0..STEPS {
         let (mut hessian, mut gradient) = (Matrix6::zeros(), Vector6::zeros());

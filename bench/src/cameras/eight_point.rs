@@ -1,11 +1,11 @@
-//! The plain way to a pair of cameras: the essential matrix of the centres of boxes, by eight points with RANSAC (Hartley and Zisserman,
+//! The plain way to a pair of cameras: the essential matrix of the centers of boxes, by eight points with RANSAC (Hartley and Zisserman,
 //! *Multiple View Geometry*, 2nd edition, sections 9.6 and 11.2), written for the comparison.
 
 use quadlift::nalgebra::{DMatrix, Matrix3, Vector3};
 use quadlift::synthetic::random::stream;
 use rand::RngExt;
 
-/// Samples of RANSAC, and the distance from the epipolar line up to which a pair of centres agrees (coordinates X / Z).
+/// Samples of RANSAC, and the distance from the epipolar line up to which a pair of centers agrees (coordinates X / Z).
 const SAMPLES: usize = 500;
 const NEAR: f64 = 0.01;
 

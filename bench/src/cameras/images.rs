@@ -156,7 +156,7 @@ impl Tally {
             return;
         }
         self.wrong += 1;
-        let is_excluded = covariance.is_none_or(|covariance| normalised_square(pose, covariance, truth) > EXCLUDED);
+        let is_excluded = covariance.is_none_or(|covariance| normalized_square(pose, covariance, truth) > EXCLUDED);
         self.excluded += usize::from(is_excluded);
     }
 
@@ -181,11 +181,11 @@ impl Tally {
 /// Titles of [`Tally::cells`].
 pub(super) const TITLES: [&str; 5] = ["images", "right [%]", "wrong [%]", "excluded [%]", "refused [%]"];
 
-/// The normalised squared error with six parameters that one in a thousand exceeds.
+/// The normalized squared error with six parameters that one in a thousand exceeds.
 const EXCLUDED: f64 = 22.46;
 
-/// The normalised squared error of a pose: of the motion of the camera, in its frame, that leads to the truth.
-fn normalised_square(pose: &CamFromWorld, covariance: &Matrix6<f64>, truth: &CamFromWorld) -> f64 {
+/// The normalized squared error of a pose: of the motion of the camera, in its frame, that leads to the truth.
+fn normalized_square(pose: &CamFromWorld, covariance: &Matrix6<f64>, truth: &CamFromWorld) -> f64 {
     let (from, to) = (pose.matrix(), truth.matrix());
     let turn = to.fixed_columns::<3>(0) * from.fixed_columns::<3>(0).transpose();
     let shift = to.column(3) - turn * from.column(3);
@@ -235,7 +235,7 @@ pub(super) fn located(all: &MapAndImages, known: Known, least: usize, bound: f64
     tally
 }
 
-/// Locates them by the centres of boxes.
+/// Locates them by the centers of boxes.
 pub(super) fn located_by_centers(all: &MapAndImages, least: usize, bound: f64, seed: u64) -> Tally {
     let mut tally = Tally::default();
     for image in all.images.iter().filter(|image| image.seen >= least) {

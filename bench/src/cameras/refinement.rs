@@ -180,7 +180,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
                 Some(_) if as_given > 0.0 => halved.push((name, errors, rotation / as_given)),
                 Some(_) => {}
             }
-            let normalised =
+            let normalized =
                 |of: fn(&Scores) -> &Vec<f64>| median_figure(drives.iter().flat_map(|s| of(s).clone()).collect());
             table.push(vec![
                 errors.0.into(),
@@ -188,8 +188,8 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
                 Cell::figure(figure(rotation), 5),
                 Cell::figure(figure(mean(|s| s.position)), 4),
                 Cell::figure(average(&drives.iter().map(|s| s.o3d.clone()).collect::<Vec<_>>()), 3),
-                Cell::figure(normalised(|s| &s.nees), 1),
-                Cell::figure(normalised(|s| &s.pose_nees), 1),
+                Cell::figure(normalized(|s| &s.nees), 1),
+                Cell::figure(normalized(|s| &s.pose_nees), 1),
             ]);
         }
     }
@@ -207,7 +207,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
     Ok(())
 }
 
-/// Volume IoU and the distance of the centres of each object as its cameras see it, averaged over its views: the true object of the
+/// Volume IoU and the distance of the centers of each object as its cameras see it, averaged over its views: the true object of the
 /// `registered` scene is placed by the pose of that scene's camera, the estimate by the refined one. What moves cameras and objects
 /// together does not count.
 fn seen_from_cameras(found: &Localization, given: &TrueScene, registered: &TrueScene) -> Vec<(f64, f64)> {
@@ -253,7 +253,7 @@ fn isometry(pose: &CamFromWorld) -> Option<IsometryMatrix3<f64>> {
 pub(super) fn run_real(data: &Path, run: &Run, report: &mut Report) -> Result<(), Error> {
     let kinds = [("oxts", "GPS and IMU"), ("aligned", "registered on the labels")];
     let steps = Steps::new("cameras", kinds.len() * MOTIONS.len(), run.progress);
-    let titles = ["poses", "refined", "O3D", "centres within 1 m, %", "from the cameras: O3D", "centres within 1 m, %"];
+    let titles = ["poses", "refined", "O3D", "centers within 1 m, %", "from the cameras: O3D", "centers within 1 m, %"];
     let registered: Vec<TrueScene> = AVERAGED
         .iter()
         .map(|name| TrueScene::read(data, &format!("kitti_{name}_aligned"), name))

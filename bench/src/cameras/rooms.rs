@@ -40,7 +40,7 @@ const WIDTH: f64 = 1280.0;
 const HEIGHT: f64 = 720.0;
 const FOCAL: f64 = 900.0;
 
-/// Bound of the position, metres, and objects of the map that an image shows at least.
+/// Bound of the position, meters, and objects of the map that an image shows at least.
 const BOUND: f64 = 0.1;
 const FEWEST: usize = 4;
 
@@ -150,7 +150,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
          second one, or those of one side); the other images are located without ids. Boxes have {EDGE_NOISE} of their half size of noise, \
          {MISSES} of the objects have none, and beside {FALSE_BOXES} of them there is a false one. Objects of one category have sizes \
          within 10 %. Right: within {BOUND} m and 5 degrees, of the images with {FEWEST} objects of the map and more; wrong: beyond, with the \
-         status `ok`; refused: any other status. {count} rooms for each row. \"Centres\" is P3P with RANSAC over the centres of boxes and \
+         status `ok`; refused: any other status. {count} rooms for each row. \"Centers\" is P3P with RANSAC over the centers of boxes and \
          objects, written for this table; gravity is known to one degree."
     ));
     let titles = ["map from", "categories", "method"].into_iter().chain(TITLES);
@@ -175,7 +175,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
                 let share = |n: usize| n as f64 / tally.images.max(1) as f64;
                 (share(tally.right).min(right), share(tally.wrong).max(wrong))
             });
-            for (k, method) in ["locate", "locate, gravity", "centres"].into_iter().enumerate() {
+            for (k, method) in ["locate", "locate, gravity", "centers"].into_iter().enumerate() {
                 let tally = all(k);
                 let labels = [split.name().to_owned(), categories.to_string(), method.to_owned()].map(Cell::from);
                 table.push(labels.into_iter().chain(tally.cells()).collect());

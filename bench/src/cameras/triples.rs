@@ -1,4 +1,4 @@
-//! The plain method beside which the alignment of maps stands: centres alone, three of each map in RANSAC.
+//! The plain method beside which the alignment of maps stands: centers alone, three of each map in RANSAC.
 
 use std::collections::BTreeSet;
 
@@ -12,13 +12,13 @@ use rand_chacha::rand_core::SeedableRng;
 /// Draws of three objects of A with one of their categories of B each.
 const DRAWS: usize = 2000;
 
-/// Centres agree within this share of the extent of map A.
+/// Centers agree within this share of the extent of map A.
 const NEAR: f64 = 0.02;
 
 /// Objects that must agree with a transform that is given: one more than it is made of.
 const FEWEST: usize = 4;
 
-/// The transform with which most centres agree; `None` where fewer than four do. With a known scale it is kept.
+/// The transform with which most centers agree; `None` where fewer than four do. With a known scale it is kept.
 pub(super) fn align_by_centers(a: &[MapObject], b: &[MapObject], scale: Option<f64>, seed: u64) -> Option<Similarity> {
     let centers = |map: &[MapObject]| -> Vec<Vector3<f64>> { map.iter().map(|o| o.ellipsoid.center.coords).collect() };
     let (of_a, of_b) = (centers(a), centers(b));
@@ -68,7 +68,7 @@ pub(super) fn align_by_centers(a: &[MapObject], b: &[MapObject], scale: Option<f
     if best.len() < FEWEST { None } else { fitted(&best) }
 }
 
-/// The least squares of centres (Umeyama 1991).
+/// The least squares of centers (Umeyama 1991).
 fn umeyama(points: &[(Vector3<f64>, Vector3<f64>)], scale: Option<f64>) -> Option<Similarity> {
     let count = points.len() as f64;
     let a = points.iter().fold(Vector3::zeros(), |sum, p| sum + p.0 / count);

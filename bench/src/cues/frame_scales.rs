@@ -25,7 +25,7 @@ const FIRST_SEED: u64 = 61;
 /// What the depths are and what the scene says of them.
 const DEPTHS: [&str; 3] = ["one scale", "a scale in each frame, not told", "a scale in each frame"];
 
-/// Errors of the centres of objects that are seen once, in mean semi-axes, and their NEES.
+/// Errors of the centers of objects that are seen once, in mean semi-axes, and their NEES.
 fn errors(frames: usize, column: usize, seed: u64) -> Result<Vec<[f64; 2]>, Error> {
     let made = noisy_boxes(frames, seed)?;
     let body_of = |index: usize, _: &Detection| made.true_objects[index].map(|object| made.truth[object].1);
@@ -48,8 +48,8 @@ fn errors(frames: usize, column: usize, seed: u64) -> Result<Vec<[f64; 2]>, Erro
         let id = &scene.object_ids[estimate.object_index];
         let truth = made.truth.iter().find(|(name, _)| name == id)?.1.ellipsoid();
         let body = estimate.ellipsoid().filter(|_| estimate.status == Status::Ok)?;
-        let normalised = estimate.covariance.as_ref().and_then(|c| nees(&body, &truth, &c.matrix));
-        Some([(body.center - truth.center).norm() / truth.semi_axes.mean(), normalised.unwrap_or(f64::NAN)])
+        let normalized = estimate.covariance.as_ref().and_then(|c| nees(&body, &truth, &c.matrix));
+        Some([(body.center - truth.center).norm() / truth.semi_axes.mean(), normalized.unwrap_or(f64::NAN)])
     };
     Ok(found.estimates.iter().filter(|estimate| is_seen_once(estimate.object_index)).filter_map(error).collect())
 }
@@ -64,7 +64,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
          relative depth. Figures are medians over the objects that are seen once."
     ));
     let titles = || std::iter::once("frames").chain(DEPTHS).collect::<Vec<_>>();
-    let mut tables = ["centre error", "NEES"].map(|what| Table::new(format!("Scales of frames: {what}"), titles()));
+    let mut tables = ["center error", "NEES"].map(|what| Table::new(format!("Scales of frames: {what}"), titles()));
     for frames in FRAMES {
         let of_column = |column: usize| -> Result<Vec<[f64; 2]>, Error> {
             let of_scene = |scene: u64| errors(frames, column, run.seed.wrapping_add(FIRST_SEED + scene));

@@ -17,7 +17,7 @@ fn in_world(scene: &Scene, detection: &Detection) -> Option<Cuboid> {
     Some(Cuboid { center: projection.center_in_world()? + world_from_cam * center.coords, half_extents, rotation })
 }
 
-/// The mean of the 3D boxes of an object (equal confidences): of centres and extents, and the mean axes of boxes that are turned by
+/// The mean of the 3D boxes of an object (equal confidences): of centers and extents, and the mean axes of boxes that are turned by
 /// half a circle against the first one where that brings them nearer.
 pub(super) fn mean_box(scene: &Scene, object: usize) -> Option<Cuboid> {
     let of_object = |d: &&Detection| d.object_index == Some(object as u32);

@@ -1,4 +1,4 @@
-//! KITTI with simulated cues: cars that a detector has found in several images, and labelled cars in one.
+//! KITTI with simulated cues: cars that a detector has found in several images, and labeled cars in one.
 
 use std::path::Path;
 
@@ -23,10 +23,10 @@ use crate::table::{Cell, Table};
 /// What is known besides boxes: the last two with a shift of the depths of [`SHIFT`].
 const CUES: [&str; 6] = ["boxes", "+ depth", "+ 3D boxes", "+ both", "+ depth, shift of 1 m", "+ both, shift of 1 m"];
 
-/// Shift of the depths in the last rows, metres.
+/// Shift of the depths in the last rows, meters.
 const SHIFT: f64 = 1.0;
 
-/// Distances that separate the columns of single images, metres.
+/// Distances that separate the columns of single images, meters.
 const DISTANCES: [f64; 4] = [0.0, 15.0, 30.0, 60.0];
 
 /// Seeds of the simulated cues.
@@ -82,7 +82,7 @@ pub(super) fn run(data: &Path, run: &Run, report: &mut Report) -> Result<(), Err
     report.table(table);
     let ranges = DISTANCES.windows(2).map(|w| format!("{} to {} m", w[0], w[1]));
     let mut table = Table::new(
-        "KITTI, one labelled image, car prior and ground: median error of the centre, metres",
+        "KITTI, one labeled image, car prior and ground: median error of the center, meters",
         ["known".to_owned()].into_iter().chain(ranges).chain([
             "all".to_owned(),
             "without an answer, %".to_owned(),
@@ -133,7 +133,7 @@ fn scores(
     scenes.iter().map(of_scene).collect()
 }
 
-/// One image of KITTI with labelled cars.
+/// One image of KITTI with labeled cars.
 struct SingleImage {
     projection: Projection,
     /// Box and true body of each car.
@@ -158,7 +158,7 @@ fn single_images(folder: &Path) -> Result<Vec<SingleImage>, Error> {
     Ok(names.iter().filter_map(read).collect())
 }
 
-/// Box and body of a line of a label file: type, truncated, occluded, alpha, box, height, width, length, bottom centre, yaw.
+/// Box and body of a line of a label file: type, truncated, occluded, alpha, box, height, width, length, bottom center, yaw.
 fn car(line: &str) -> Option<(BoundingBox, Cuboid)> {
     let numbers: Vec<f64> = line.strip_prefix("Car ")?.split_whitespace().filter_map(|x| x.parse().ok()).collect();
     let [truncated, occluded, _, x0, y0, x1, y1, height, width, length, x, y, z, yaw, ..] = numbers[..] else {
@@ -180,7 +180,7 @@ fn car(line: &str) -> Option<(BoundingBox, Cuboid)> {
 #[derive(Debug, Clone)]
 struct CarScore {
     distance: f64,
-    /// Error of the centre; absent where there is no answer.
+    /// Error of the center; absent where there is no answer.
     error: Option<f64>,
     /// 0 where there is no answer.
     o3d: f64,

@@ -52,7 +52,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
     report.text(format!(
         "One view of each object, {count} scenes. In one view nothing tells the common scale of all lengths, so that biases remain. \
          \"As expected\": in each scene the logarithms of the scales of depths and of distances are drawn with {SCALE_SD}, that of \
-         sizes with {SIZE_SD}, the standard deviations that the estimator assumes. O3D, and medians of the error of the centre in mean \
+         sizes with {SIZE_SD}, the standard deviations that the estimator assumes. O3D, and medians of the error of the center in mean \
          semi-axes and of the mean error of the logarithms of the semi-axes."
     ));
     let titles = ["biases", "measure"].into_iter().chain(CUES.into_iter().skip(1)).collect::<Vec<_>>();
@@ -77,7 +77,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
         let o3d = columns.clone().map(|column| pooled(&[of(column).map(|s| s.map_or(0.0, |s| s.o3d)).collect()]));
         for (measure, figures) in [
             ("O3D", o3d.collect::<Vec<_>>()),
-            ("centre error", median(|s| s.center)),
+            ("center error", median(|s| s.center)),
             ("size error", median(|s| s.size)),
         ] {
             let cells = figures.into_iter().map(|figure| Cell::figure(figure, 3));

@@ -129,7 +129,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
     let count = run.scenes(SCENES);
     report.text(format!(
         "Outlines and turned boxes in the same scenes. The radius of an outline is wrong by {EDGE_NOISE} of the mean half size, \
-         smoothly: in size, place and elongation, so that neighbouring supporting lines err alike. Turned boxes lie along the axes \
+         smoothly: in size, place and elongation, so that neighboring supporting lines err alike. Turned boxes lie along the axes \
          of the true ellipse, their angle is wrong by {ANGLE_NOISE} radians and their sides like the edges of boxes. Beside a box, \
          an outline gives the four diagonal lines."
     ));

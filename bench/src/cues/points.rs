@@ -172,8 +172,8 @@ fn scores(views: usize, seed: u64) -> Result<Vec<(Vec<Score>, f64)>, Error> {
         let score = |k: usize| {
             let estimate = found.estimates.iter().find(|e| scene.object_ids[e.object_index] == made.truth[k].0)?;
             let body = estimate.ellipsoid().filter(|_| estimate.status == Status::Ok)?;
-            let normalised = estimate.covariance.as_ref().and_then(|c| nees(&body, &truth[k], &c.matrix));
-            Some((iou3d_ellipsoids(&body, &truth[k]), normalised))
+            let normalized = estimate.covariance.as_ref().and_then(|c| nees(&body, &truth[k], &c.matrix));
+            Some((iou3d_ellipsoids(&body, &truth[k]), normalized))
         };
         Ok(((0..truth.len()).map(score).collect(), share))
     };
@@ -204,7 +204,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
         if let (true, Some(boxes), Some(with)) = (views > 1, o3d[0], o3d[1]) {
             worse = worse.max(boxes.value - with.value);
         }
-        let normalised = |k: usize| median_figure(of(k).flatten().filter_map(|score| score.1).collect());
+        let normalized = |k: usize| median_figure(of(k).flatten().filter_map(|score| score.1).collect());
         let share = |k: usize| {
             let sum: f64 = scenes.iter().map(|scene| scene[k].1).sum();
             Some(Figure { value: 100.0 * sum / scenes.len() as f64, standard_error: None })
@@ -213,7 +213,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
         let row = |of: &dyn Fn(usize) -> Option<Figure>, decimals: usize| {
             std::iter::once(label()).chain((0..COLUMNS.len()).map(|k| Cell::figure(of(k), decimals))).collect()
         };
-        tables[1].push(row(&normalised, 1));
+        tables[1].push(row(&normalized, 1));
         shares.push(row(&share, 0));
     }
     tables.into_iter().chain([shares]).for_each(|table| report.table(table));

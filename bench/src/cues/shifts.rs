@@ -55,9 +55,9 @@ fn scores(made: &SyntheticScene, cues: &CueOptions, seed: u64) -> Result<Vec<(f6
         let views = scene.detections.iter().filter(|d| d.object_index == Some(index as u32)).count();
         let estimate = found.estimates.iter().find(|estimate| estimate.object_index == index)?;
         let body = estimate.ellipsoid().filter(|_| estimate.status == Status::Ok);
-        let normalised = || nees(&body?, &truth, &estimate.covariance.as_ref()?.matrix);
+        let normalized = || nees(&body?, &truth, &estimate.covariance.as_ref()?.matrix);
         let o3d = body.map_or(0.0, |body| iou3d_ellipsoids(&body, &truth));
-        (views >= 2).then(|| (o3d, normalised()))
+        (views >= 2).then(|| (o3d, normalized()))
     };
     Ok(made.truth.iter().filter_map(score).collect())
 }
@@ -95,9 +95,9 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
         let all: Vec<Vec<(f64, Option<f64>)>> = all.into_iter().map(|scenes| scenes.concat()).collect();
         let o3d = all.iter().map(|column| Cell::figure(pooled(&[column.iter().map(|s| s.0).collect()]), 3));
         tables[0].push(std::iter::once(Cell::from(label)).chain(o3d).collect());
-        let normalised =
+        let normalized =
             all.iter().map(|column| Cell::figure(median_figure(column.iter().filter_map(|s| s.1).collect()), 1));
-        tables[1].push(std::iter::once(Cell::from(label)).chain(normalised).collect());
+        tables[1].push(std::iter::once(Cell::from(label)).chain(normalized).collect());
         steps.done();
     }
     tables.into_iter().for_each(|table| report.table(table));

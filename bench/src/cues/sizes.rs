@@ -154,7 +154,7 @@ pub(super) fn real_rows(data: &Path) -> Result<Vec<RealRow>, Error> {
     Ok(vec![
         row("KITTI, RRC boxes, aligned poses", kitti("aligned")?, "rrc", true),
         row("KITTI, RRC boxes, GPS poses", kitti("oxts")?, "rrc", true),
-        row("KITTI, labelled boxes, aligned poses", kitti("aligned")?, "label", true),
+        row("KITTI, labeled boxes, aligned poses", kitti("aligned")?, "label", true),
         row("KITTI, exact boxes, aligned poses", kitti("aligned")?, "ellipsoid", true),
         row("TUW", vec![tuw], "authors", false),
         row("TUW, up known", vec![upright], "authors", false),

@@ -135,12 +135,12 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
     report.text(format!(
         "{OBJECTS} ellipsoids in each of {count} scenes, cameras at {DISTANCE} from the middle of a cube of {CUBE}, boxes with \
          {EDGE_NOISE} of their half size of noise. Depths: medians over the visible surface, 10 % too far, 5 % noise, 5 % of something \
-         behind. 3D boxes: centres 4 % of the distance along the ray and 1 % across, extents 8 % too large with 10 % noise, \
+         behind. 3D boxes: centers 4 % of the distance along the ray and 1 % across, extents 8 % too large with 10 % noise, \
          yaw 8 degrees with 10 % flips, 5 % wrong in everything. The mean of the 3D boxes is what detectors of single images do \
          over frames. Scales and biases are found with the objects. O3D is 0 without an estimate; the others are medians over objects \
-         with one: error of the centre in mean semi-axes, mean error of the logarithms of the semi-axes, NEES (9 parameters: 8.34)."
+         with one: error of the center in mean semi-axes, mean error of the logarithms of the semi-axes, NEES (9 parameters: 8.34)."
     ));
-    let mut tables: Vec<Table> = ["O3D", "centre error", "size error", "NEES"]
+    let mut tables: Vec<Table> = ["O3D", "center error", "size error", "NEES"]
         .iter()
         .map(|what| Table::new(format!("Cues: {what}"), std::iter::once("views").chain(CUES).collect::<Vec<_>>()))
         .collect();
@@ -166,11 +166,11 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
             std::iter::once(label).chain(figures.into_iter().map(|f| Cell::figure(f, decimals))).collect()
         };
         let each = |value: fn(&Score) -> f64| (0..CUES.len()).map(|column| found(column, value)).collect::<Vec<_>>();
-        let normalised = |column: usize| median_figure(of(column).flatten().filter_map(|s| s.nees).collect());
+        let normalized = |column: usize| median_figure(of(column).flatten().filter_map(|s| s.nees).collect());
         tables[0].push(row(o3d, 3));
         tables[1].push(row(each(|s| s.center), 3));
         tables[2].push(row(each(|s| s.size), 3));
-        tables[3].push(row((0..CUES.len()).map(normalised).collect(), 1));
+        tables[3].push(row((0..CUES.len()).map(normalized).collect(), 1));
     }
     tables.into_iter().for_each(|table| report.table(table));
     report.headlines.push(Headline::ours(

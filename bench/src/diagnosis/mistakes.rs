@@ -180,7 +180,7 @@ fn with_mixed_ids(scene: &Scene) -> Option<Scene> {
 pub(super) struct Harm {
     /// By how much the mean O3D falls.
     pub o3d: f64,
-    /// Median distance of the centres from those of the right scene, in mean semi-axes.
+    /// Median distance of the centers from those of the right scene, in mean semi-axes.
     pub shift: f64,
 }
 

@@ -71,7 +71,7 @@ pub fn run(data: Option<&Path>, run: &Run) -> Result<Report, Error> {
         "Synthetic scenes are drawn at random: trajectory (paper, arcs of 20 and 60 degrees, orbit, random, street), \
          3 to 60 views, 1 to 50 objects (a street has its own number), box edges with a noise of 0 to 10 % of the \
          half size, 0 to 30 % wrong boxes. Each mistake has one magnitude. A mistake counts if it lowers the mean O3D \
-         by more than 0.1 or moves the median centre by more than half a mean semi-axis. No scene of these tables was \
+         by more than 0.1 or moves the median center by more than half a mean semi-axis. No scene of these tables was \
          used to set a threshold of the self-check.",
     );
     let right = right_scenes(first, extent.right, &steps);
@@ -104,8 +104,8 @@ pub fn run(data: Option<&Path>, run: &Run) -> Result<Report, Error> {
         "Some mistakes cannot be detected in some scenes, because the wrong scene is as consistent as the correct \
          one: a wrong focal length if the cameras are far away relative to the extent of the objects (paper, arcs and \
          orbit: it only scales the world), a small frame offset on a straight drive at constant speed (it shifts the \
-         world), a mirrored drive in a plane. These are counted separately as \"hidden by the geometry\". Millimetres \
-         instead of metres cannot be detected from boxes and poses, only with a prior on sizes or the camera height.",
+         world), a mirrored drive in a plane. These are counted separately as \"hidden by the geometry\". Millimeters \
+         instead of meters cannot be detected from boxes and poses, only with a prior on sizes or the camera height.",
     );
     let share = |of: &[(String, Verdict)], good: fn(&Verdict) -> bool| -> Option<Figure> {
         let counted: Vec<f64> = (of.iter())

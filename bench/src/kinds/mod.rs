@@ -80,7 +80,7 @@ pub fn run(run: &Run) -> Result<Report, Error> {
     report.text(
         "Volume IoU of the estimated and the true body, each of its own kind, 0 without an estimate. One third of the \
          objects each are cuboids, cylinders and ellipsoids. The median of triangulated boxes is a simple baseline: \
-         the median over pairs of views of the points where the rays through the box centres meet, and the median \
+         the median over pairs of views of the points where the rays through the box centers meet, and the median \
          width and height of the boxes at that depth, as an upright cuboid with a square base.",
     );
     for (name, trajectory, views, standing) in SETS {

@@ -17,7 +17,7 @@ pub struct ViewErrors {
     ellipse_iou: f64,
     /// Angle between the long axes in degrees; none for round objects.
     angle: Option<f64>,
-    /// Distance of the centres over the mean semi-axis.
+    /// Distance of the centers over the mean semi-axis.
     center: f64,
     /// Absolute logarithm of the ratio of the ellipses' areas.
     log_area: f64,
@@ -50,7 +50,7 @@ fn long_axis(ellipse: &Ellipse) -> f64 {
 
 /// Columns of the table of masks, after method and setting.
 pub const COLUMNS: [&str; 8] =
-    ["mask IoU", "ellipse IoU", "median", "angle [deg]", "centre", "log area", "IoU < 0.5", "fell back"];
+    ["mask IoU", "ellipse IoU", "median", "angle [deg]", "center", "log area", "IoU < 0.5", "fell back"];
 
 /// The mean IoU of the ellipses: over the views of each sequence, then over the sequences.
 pub fn mean_ellipse_iou(sequences: &[Vec<ViewErrors>]) -> Option<Figure> {

@@ -125,10 +125,10 @@ pub fn run(data: Option<&Path>, run: &Run) -> Result<Report, Error> {
     let mut report = Report::new("segmentation", "Segmentation: ellipses from images (section 4.2)");
     report.text(
         "Objects are segmented in the crops of their boxes, jointly over all frames of an object (`sca`: Stel \
-         Component Analysis; `graphcut`: graph cuts with the colours of all frames), and the masks are compared with the true ones. \
+         Component Analysis; `graphcut`: graph cuts with the colors of all frames), and the masks are compared with the true ones. \
          The ellipses have the second moments of the masks. Means over sequences (one object in one scene each); the \
          median of the ellipse IoU and the angle between the long axes are over all views (objects whose axes differ \
-         by less than a fifth have no angle); centre is the distance of the centres over the mean semi-axis, log area \
+         by less than a fifth have no angle); center is the distance of the centers over the mean semi-axis, log area \
          the absolute logarithm of the ratio of the areas. All views are segmented; those in which at least 70 % of \
          the object is visible are scored. The prototype was given only these; \"scored views only\" does the same.",
     );
@@ -252,7 +252,7 @@ impl ImageSet {
         Ok(())
     }
 
-    /// Localises all objects with each row.
+    /// Localizes all objects with each row.
     fn scores(&self, run: &Run, steps: &Steps) -> Result<Vec<RowScores>, Error> {
         let mut all = Vec::new();
         let protocol = |options: &mut LocalizeOptions| {

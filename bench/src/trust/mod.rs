@@ -35,7 +35,7 @@ pub fn run(data: Option<&Path>, scenes: u64, run: &Run) -> Result<Report, Error>
     report.text(
         "A region of an estimate contains all points within the squared Mahalanobis distance that the chi-square \
          distribution exceeds in 50, 10, 5 or 1 % of all cases. With a calibrated covariance, the truth lies inside \
-         as often as the region states, and the median squared distance is 2.37 for centre and extents (3 degrees of \
+         as often as the region states, and the median squared distance is 2.37 for center and extents (3 degrees of \
          freedom) and 8.34 for the whole body (9; NEES). Extents are the squared half extents along the axes of the \
          world (ellipsoids) or the logarithms of the semi-axes (other bodies).",
     );
@@ -75,8 +75,8 @@ fn add_real(report: &mut Report, folder: &Path, sets: &[RealSet], seed: u64, ste
         "\"Noise only\" ignores errors common to the views of an object and differences between objects \
          (`MapOptions::common_errors`); the estimates are the same. LINEMOD (boxes of YOLO) and LMO (boxes of the \
          models, of visible masks, of YOLO), options of the program; TUW; KITTI with boxes of RRC and the car prior. \
-         The true centre of LINEMOD, LMO and TUW is that of the smallest ellipsoid around the object, which differs \
-         from the centre of its tangent body: on TUW's two bottles by a sixth of their length. \"Against exact \
+         The true center of LINEMOD, LMO and TUW is that of the smallest ellipsoid around the object, which differs \
+         from the center of its tangent body: on TUW's two bottles by a sixth of their length. \"Against exact \
          boxes\": the reference is the body of the same kind fitted to tight boxes of the models.",
     );
     report.table(table);
@@ -84,8 +84,8 @@ fn add_real(report: &mut Report, folder: &Path, sets: &[RealSet], seed: u64, ste
     let center = Coverage::of(default, Part::Center);
     let row = "map";
     let figures = [
-        ("trust_real_center_95", "share of real centres inside the region of 95 %, per cent", Some(center.inside[2])),
-        ("trust_real_center_median", "median squared distance of real centres (2.37 is honest)", Some(center.median)),
+        ("trust_real_center_95", "share of real centers inside the region of 95 %, per cent", Some(center.inside[2])),
+        ("trust_real_center_median", "median squared distance of real centers (2.37 is honest)", Some(center.median)),
         (
             "trust_real_body_median",
             "median NEES of real bodies (8.34 is honest)",
@@ -93,7 +93,7 @@ fn add_real(report: &mut Report, folder: &Path, sets: &[RealSet], seed: u64, ste
         ),
         (
             "trust_real_volume",
-            "median volume of the centre's region, relative to one factor on all noise-only regions that has 90 % \
+            "median volume of the center's region, relative to one factor on all noise-only regions that has 90 % \
              inside",
             relative_volume(default, noise_only),
         ),
@@ -110,8 +110,8 @@ fn push(table: &mut Table, set: &str, covariance: &str, judged: &[Judged]) {
     }
 }
 
-/// Median volume of the region of 95 % of the centre, relative to that of noise-only regions that are all enlarged by the
-/// factor with which 90 % of the centres lie inside.
+/// Median volume of the region of 95 % of the center, relative to that of noise-only regions that are all enlarged by the
+/// factor with which 90 % of the centers lie inside.
 fn relative_volume(default: &[Judged], noise_only: &[Judged]) -> Option<f64> {
     let sorted = |judged: &[Judged], of: fn(&Judged) -> f64| {
         let mut values: Vec<f64> = judged.iter().map(of).collect();

@@ -19,7 +19,7 @@ use crate::progress::Steps;
 /// Sequences of KITTI with boxes of a real detector.
 const KITTI: [&str; 4] = ["S05", "S09", "S22", "S36"];
 
-/// Height of KITTI's cameras above the road, metres (from the description of the data set).
+/// Height of KITTI's cameras above the road, meters (from the description of the data set).
 const CAMERA_HEIGHT: f64 = 1.65;
 
 /// Source of the tight boxes of the projected models, in LINEMOD and LMO.
@@ -102,7 +102,7 @@ impl RealSet {
         matches!(self.name, "LINEMOD" | "LMO")
     }
 
-    /// Localises the scenes and compares the objects with the truth, under changed options.
+    /// Localizes the scenes and compares the objects with the truth, under changed options.
     ///
     /// # Errors
     /// [`Error::Read`], [`Error::Localize`].

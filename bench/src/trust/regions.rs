@@ -18,7 +18,7 @@ const CHI2_9: [f64; 4] = [8.343, 14.684, 16.919, 21.666];
 /// Which part of an estimate a region is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Part {
-    /// Centre, 3 degrees of freedom.
+    /// Center, 3 degrees of freedom.
     Center,
     /// Extents, 3 degrees of freedom.
     Extents,
@@ -33,7 +33,7 @@ impl Part {
     /// The name in tables.
     pub(super) fn name(self) -> &'static str {
         match self {
-            Self::Center => "centre",
+            Self::Center => "center",
             Self::Extents => "extents",
             Self::Whole => "body",
         }
@@ -58,7 +58,7 @@ impl Part {
 pub(super) struct Judged {
     /// Squared distances in units of the covariance.
     pub errors: SquaredErrors,
-    /// Logarithm of the volume of the one-deviation region of the centre, relative to the cube of the true size.
+    /// Logarithm of the volume of the one-deviation region of the center, relative to the cube of the true size.
     pub log_volume: f64,
 }
 

@@ -130,7 +130,7 @@ pub(super) fn add(report: &mut Report, scenes: u64, run: &Run, steps: &Steps) ->
     }
     for (id, index, level) in [("trust_synthetic_50", 0, 50.0), ("trust_synthetic_90", 1, 90.0)] {
         let off = centers.iter().map(|inside| (inside[index] - level).abs()).fold(0.0, f64::max);
-        let what = format!("centres inside {level} %: largest difference over cells with 10 views and more, points");
+        let what = format!("centers inside {level} %: largest difference over cells with 10 views and more, points");
         report.headlines.extend(super::headline(id, what, Some(off), "map, ellipsoids"));
     }
     Ok(())

@@ -214,7 +214,7 @@ mod tests {
             let Rgb([r, g, b]) = *one.get_pixel(x, y);
             r > 150 && g > 130 && b < 90
         });
-        assert!(yellow.count() > 30, "the outline of the mask is explained in its colour");
+        assert!(yellow.count() > 30, "the outline of the mask is explained in its color");
         let short = shortened("a/very/long/path/to/the/frame_000012");
         assert!(
             short.chars().count() == MOST_LETTERS && short.starts_with('…') && short.ends_with("frame_000012"),

@@ -114,7 +114,7 @@ pub fn render(scene: &Scene, localization: &Localization, options: &FileOptions)
     text
 }
 
-/// Typical measurement errors, as text: edges of boxes, or centres and sizes of ellipses without boxes. `--verbose`
+/// Typical measurement errors, as text: edges of boxes, or centers and sizes of ellipses without boxes. `--verbose`
 /// prints the full list ([`noise_levels`]).
 fn typical_error(localization: &Localization) -> Option<String> {
     let level = |name: &str| localization.noise.get(name);
@@ -226,7 +226,7 @@ fn table(scene: &Scene, rows: &[Summary], cross_validated: bool) -> String {
         with_unit("y", unit),
         with_unit("z", unit),
         with_unit("size", unit),
-        with_unit("sd of centre", unit),
+        with_unit("sd of center", unit),
         "residual [px]".to_owned(),
     ];
     if cross_validated {
@@ -283,14 +283,14 @@ fn notes(rows: &[Summary], localization: &Localization, options: &FileOptions) -
     notes.into_iter().map(|(text, ids)| format!("{}: {text}", some_of(&ids))).collect()
 }
 
-/// Why an object is not localised.
+/// Why an object is not localized.
 fn reason(status: Status, method: &Method, min_views: usize) -> Option<String> {
     let fewest = min_views.max(method.fewest_views());
     Some(match status {
         Status::Ok => return None,
         Status::Inconsistent => "no body agrees with the views; the reported one is unreliable".to_owned(),
         Status::NotAnEllipsoid => {
-            "the best-fitting quadric is not an ellipsoid; only its centre is reported".to_owned()
+            "the best-fitting quadric is not an ellipsoid; only its center is reported".to_owned()
         }
         Status::TooFewViews => format!("too few views; {method} needs {fewest} here"),
         Status::Degenerate => {

@@ -45,7 +45,7 @@ const EXIT_CODES: &str = "\
 Exit codes:
   0  success
   1  a file could not be read or written, a detection could not be segmented, or no object could
-     be localised (of several scenes: in at least one)
+     be localized (of several scenes: in at least one)
   2  wrong usage: unknown options, values out of range, options that contradict each other
   3  the scene is inconsistent: poses, cameras and boxes contradict each other
      (--accept-inconsistent continues)

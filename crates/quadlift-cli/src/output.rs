@@ -1,6 +1,6 @@
 //! The only place that writes to the terminal.
 //!
-//! Reports and JSON go to standard output; errors, warnings and details go to standard error. Colours are disabled if
+//! Reports and JSON go to standard output; errors, warnings and details go to standard error. Colors are disabled if
 //! the stream is not a terminal, or by NO_COLOR or CLICOLOR=0. A reader that closes the pipe early
 //! (`quadlift info scene.json | head`) is not an error.
 

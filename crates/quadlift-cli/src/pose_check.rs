@@ -1,4 +1,4 @@
-//! Positions of objects, triangulated from box centres: behind their cameras, or implausibly far away. The self-check
+//! Positions of objects, triangulated from box centers: behind their cameras, or implausibly far away. The self-check
 //! ([`quadlift::diagnosis`]) tests whether they are consistent with the poses.
 
 use nalgebra::{Point3, Vector2};
@@ -13,10 +13,10 @@ const MOST_OBJECTS: usize = 100;
 /// Objects in fewer views fit to almost any poses.
 const FEWEST_VIEWS: usize = 3;
 
-/// Nothing that a detector sees well is farther away than this, in metres.
+/// Nothing that a detector sees well is farther away than this, in meters.
 const FAR_AWAY: f64 = 300.0;
 
-/// The views of one object: the frames, and the centres of its measurements in pixels.
+/// The views of one object: the frames, and the centers of its measurements in pixels.
 type Seen = Vec<(usize, Vector2<f64>)>;
 
 /// Possible problems, as text.
@@ -31,14 +31,14 @@ pub fn pose_oddities(file: &SceneFile, scene: &Scene) -> Vec<String> {
     let given = fit(&objects, &projections);
     if given.in_front < 0.5 {
         oddities.push(format!(
-            "{} of {} objects lie behind most of the cameras that detect them (triangulated from box centres)",
+            "{} of {} objects lie behind most of the cameras that detect them (triangulated from box centers)",
             given.behind,
             objects.len()
         ));
     }
     if scene.length_unit.as_deref() == Some("m") && given.depth > FAR_AWAY {
         oddities
-            .push(format!("the boxes place the objects {:.0} m away: are the lengths in millimetres?", given.depth));
+            .push(format!("the boxes place the objects {:.0} m away: are the lengths in millimeters?", given.depth));
     }
     oddities
 }
@@ -67,7 +67,7 @@ fn objects(scene: &Scene) -> Vec<Seen> {
     seen
 }
 
-/// Positions of objects, triangulated from box centres.
+/// Positions of objects, triangulated from box centers.
 struct Fit {
     /// Share of the objects in front of most of their cameras, and the number of the others.
     in_front: f64,
@@ -93,7 +93,7 @@ fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// Detections of true objects whose centre lies behind the camera.
+/// Detections of true objects whose center lies behind the camera.
 fn true_objects_behind(file: &SceneFile, scene: &Scene) -> Option<String> {
     let centers: std::collections::HashMap<String, Point3<f64>> =
         (file.to_objects().ok()?.into_iter()).filter_map(|object| Some((object.id, object.center?))).collect();
@@ -130,16 +130,16 @@ mod tests {
     }
 
     #[test]
-    fn objects_behind_cameras_and_lengths_of_millimetres_are_told() {
+    fn objects_behind_cameras_and_lengths_of_millimeters_are_told() {
         assert_eq!(oddities(|pose| pose), Vec::<String>::new());
         let named = |oddities: &[String], words: &str| oddities.iter().any(|text| text.contains(words));
         let backwards = oddities(|pose| Matrix4::from_diagonal(&Vector4::new(-1.0, 1.0, -1.0, 1.0)) * pose);
         assert!(named(&backwards, "5 of 5 objects lie behind"), "{backwards:?}");
-        let millimetres = oddities(|mut pose| {
+        let millimeters = oddities(|mut pose| {
             let moved: Vector3<f64> = pose.fixed_view::<3, 1>(0, 3) * 1000.0;
             pose.fixed_view_mut::<3, 1>(0, 3).copy_from(&moved);
             pose
         });
-        assert!(named(&millimetres, "are the lengths in millimetres?"), "{millimetres:?}");
+        assert!(named(&millimeters, "are the lengths in millimeters?"), "{millimeters:?}");
     }
 }

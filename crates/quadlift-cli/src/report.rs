@@ -41,7 +41,7 @@ fn write_report(path: &Path, content: &Content) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes the page of a localisation that has just been made, of the scene in the file `input` with these images and masks.
+/// Writes the page of a localization that has just been made, of the scene in the file `input` with these images and masks.
 pub fn write_localized(
     path: &Path,
     (input, file): (&Path, &SceneFile),

@@ -161,13 +161,13 @@ mod tests {
 
     #[test]
     fn titles_of_wide_tables_are_broken() {
-        let mut table = Table::new(["<a long name", "distance of centres [m]"]);
+        let mut table = Table::new(["<a long name", "distance of centers [m]"]);
         table.push(vec!["x".repeat(80).into(), "1.50".into()]);
         let text = anstream::adapter::strip_str(&table.render()).to_string();
         let row = format!("{}      1.50", "x".repeat(80));
         let lines: Vec<&str> = text.lines().map(str::trim_end).collect();
         let head = |left: &str, right: &str| format!("{left:82}{right:>8}");
-        let expected = [head("", "distance"), head("", "of"), head("", "centres"), head("a long name", "[m]"), row];
+        let expected = [head("", "distance"), head("", "of"), head("", "centers"), head("a long name", "[m]"), row];
         assert_eq!(lines, expected);
         assert!(lines.iter().all(|line| line.len() <= WIDTH));
     }

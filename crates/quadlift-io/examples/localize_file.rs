@@ -1,4 +1,4 @@
-//! Localises the objects of a scene file with the built-in priors on sizes, and writes a scene file with the results.
+//! Localizes the objects of a scene file with the built-in priors on sizes, and writes a scene file with the results.
 //!
 //!     cargo run --example localize_file -p quadlift-io -- scene.json objects.json
 

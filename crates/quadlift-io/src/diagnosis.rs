@@ -244,7 +244,7 @@ pub fn mistake_in_words(name: CauseName, parameter: Option<f64>, correction: Opt
             "the poses are camera-to-world with left-handed axes, as in Unity".to_owned()
         }
         CauseName::CenterAsTranslation => {
-            "the translations are camera centres, not the translations of cam_from_world".to_owned()
+            "the translations are camera centers, not the translations of cam_from_world".to_owned()
         }
         CauseName::TransposedRotation => "the rotations of the poses are transposed".to_owned(),
         CauseName::QuaternionOrder => {
@@ -252,10 +252,10 @@ pub fn mistake_in_words(name: CauseName, parameter: Option<f64>, correction: Opt
         }
         CauseName::FocalLength => format!("the focal length is wrong: it should be {} times as long", value(3)),
         CauseName::NormalizedIntrinsics => {
-            "the intrinsics are normalised (fractions of image width and height), not in pixels".to_owned()
+            "the intrinsics are normalized (fractions of image width and height), not in pixels".to_owned()
         }
         CauseName::PrincipalPoint => {
-            "the principal point is far from the image centre, as if K had been read transposed".to_owned()
+            "the principal point is far from the image center, as if K had been read transposed".to_owned()
         }
         CauseName::MissingDistortion => {
             format!("the lens distortion is missing: the radial coefficient is about {}", value(3))
@@ -268,7 +268,7 @@ pub fn mistake_in_words(name: CauseName, parameter: Option<f64>, correction: Opt
             format!("the boxes were measured in a letterboxed image of {side} x {side} pixels")
         }
         CauseName::NormalizedBoxes => {
-            "the boxes are normalised (fractions of image width and height), not in pixels".to_owned()
+            "the boxes are normalized (fractions of image width and height), not in pixels".to_owned()
         }
         CauseName::BoxFormat => format!("the box coordinates are not x0, y0, x1, y1: {}", box_format(correction)),
         CauseName::SwappedXy => "x and y of the boxes are swapped".to_owned(),
@@ -328,10 +328,10 @@ fn box_format(correction: Option<Correction>) -> &'static str {
     let Some(Correction::Boxes(format)) = correction else { return "they are in a different order" };
     match format {
         BoxFormat::SizeReadAsCorners => "they are x, y, width, height",
-        BoxFormat::CenterSizeReadAsCorners => "they are centre x, centre y, width, height",
+        BoxFormat::CenterSizeReadAsCorners => "they are center x, center y, width, height",
         BoxFormat::CornersReadAsSize => "two corners were read as a corner and a size",
-        BoxFormat::CenterReadAsCorner => "centre and size were read as corner and size",
-        BoxFormat::CornerReadAsCenter => "corner and size were read as centre and size",
+        BoxFormat::CenterReadAsCorner => "center and size were read as corner and size",
+        BoxFormat::CornerReadAsCenter => "corner and size were read as center and size",
         BoxFormat::CornersReadAsCenter => "two corners were read as a center and a size",
         BoxFormat::SwappedAxes => "they are y0, x0, y1, x1",
     }
@@ -383,8 +383,8 @@ mod tests {
             (Correction::FocalFactor(0.5), "focal length is wrong: it should be 0.500 times"),
             (Correction::FrameOffset(-2), "frame order is off by 2 frames"),
             (Correction::NumericFrames, "frame order"),
-            (Correction::NormalizedBoxes, "boxes are normalised"),
-            (Correction::NormalizedIntrinsics, "intrinsics are normalised"),
+            (Correction::NormalizedBoxes, "boxes are normalized"),
+            (Correction::NormalizedIntrinsics, "intrinsics are normalized"),
             (Correction::Boxes(BoxFormat::SizeReadAsCorners), "x, y, width, height"),
             (Correction::TurnedPictures { orientation: 6, fractions: true }, "turned by 90 degrees clockwise"),
         ] {

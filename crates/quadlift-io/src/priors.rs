@@ -19,7 +19,7 @@ use crate::input::{as_utf8, line_and_column, read_bytes};
 use crate::numbers;
 use crate::wording::plain_words;
 
-/// Sizes of things on the road and in the house, in metres.
+/// Sizes of things on the road and in the house, in meters.
 const BUILTIN: &str = include_str!("../priors/builtin.toml");
 
 /// A table of the file.
@@ -100,14 +100,14 @@ fn describe(path: &Path, text: &str, error: &toml::de::Error, entry: Option<Stri
     }
 }
 
-/// The priors that come with quadlift, for scenes in metres: road users and household objects, by the lower-case names
+/// The priors that come with quadlift, for scenes in meters: road users and household objects, by the lower-case names
 /// of KITTI and COCO. The file `priors/builtin.toml` documents their sources.
 pub fn builtin_priors() -> CategoryPriors {
     // The text is part of the program and a test reads it; without it there would be no priors, never a panic.
     parse_priors(Path::new("builtin.toml"), BUILTIN).unwrap_or_default()
 }
 
-/// Size ranges for a length unit: the built-in priors for metres, otherwise nothing.
+/// Size ranges for a length unit: the built-in priors for meters, otherwise nothing.
 pub fn plausible_sizes(length_unit: Option<&str>) -> CategoryPriors {
     if length_unit == Some("m") { builtin_priors() } else { CategoryPriors::default() }
 }
@@ -116,15 +116,15 @@ pub fn plausible_sizes(length_unit: Option<&str>) -> CategoryPriors {
 ///
 /// # Errors
 /// What the unit is and what to do, in words.
-pub fn check_metres(length_unit: Option<&str>) -> Result<(), String> {
+pub fn check_meters(length_unit: Option<&str>) -> Result<(), String> {
     let unit = match length_unit {
         Some("m") => return Ok(()),
         Some(unit) => format!("\"{unit}\""),
         None => "not given".to_owned(),
     };
     Err(format!(
-        "the built-in priors are sizes in metres, but the length unit of the scene is {unit}; set \"length_unit\": \
-         \"m\" if it is in metres, or give a file of priors in its unit"
+        "the built-in priors are sizes in meters, but the length unit of the scene is {unit}; set \"length_unit\": \
+         \"m\" if it is in meters, or give a file of priors in its unit"
     ))
 }
 
@@ -157,7 +157,7 @@ mod tests {
 
     #[test]
     fn mistakes_are_named_with_their_line() {
-        assert_snapshot!(error("[car]\nupright_sd = 0.1\ncolour = 3\n"), @"priors.toml:3:1: car.colour: unknown field `colour`, expected one of `size`, `size_sd`, `upright_sd`, `on_ground`");
+        assert_snapshot!(error("[car]\nupright_sd = 0.1\ncolor = 3\n"), @"priors.toml:3:1: car.color: unknown field `color`, expected one of `size`, `size_sd`, `upright_sd`, `on_ground`");
         assert_snapshot!(error("[car]\non_ground = true\nsize = [4, 2, 1]\n"), @"priors.toml:1:1: car: size without size_sd; give both or none");
         assert_snapshot!(error("[car]\nsize_sd = [4, 2, 1]\n"), @"priors.toml:1:1: car: size_sd without size; give both or none");
         assert_snapshot!(error("[car]\nsize = [4, 2, 0]\nsize_sd = [1, 1, 1]\n"), @"priors.toml:1:1: car: size = [4.0, 2.0, 0.0] must be three positive numbers");

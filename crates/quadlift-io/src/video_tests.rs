@@ -49,7 +49,7 @@ fn red(number: u32) -> u8 {
     (20 * number + 10) as u8
 }
 
-/// A video of twelve frames of one colour each, ten in a second; `None`, and the test says so, without ffmpeg.
+/// A video of twelve frames of one color each, ten in a second; `None`, and the test says so, without ffmpeg.
 fn video(folder: &Path) -> Option<PathBuf> {
     let image = |number: u32| quadlift_segment::image::RgbImage::from_pixel(64, 48, [red(number), 128, 64].into());
     for number in 0..12 {

@@ -25,7 +25,7 @@ pub struct DetectionArrays<'py> {
     /// (M, 4); a row of NaN is no box.
     #[pyo3(default)]
     boxes: Option<PyReadonlyArray2<'py, f64>>,
-    /// (M, 5): centre, semi-axes, angle; a row of NaN is no ellipse.
+    /// (M, 5): center, semi-axes, angle; a row of NaN is no ellipse.
     #[pyo3(default)]
     ellipses: Option<PyReadonlyArray2<'py, f64>>,
     /// The masks, of detections that have one.
@@ -240,7 +240,7 @@ impl DetectionArrays<'_> {
         let shape = self.outlines.as_ref().map(|outlines| outlines.of_row(row)).transpose()?.unwrap_or_default();
         if bounding_box.is_none() && ellipse.is_none() && shape.is_empty() && !has_center {
             let or_outline = if self.outlines.is_some() { " nor an outline nor a turned box" } else { "" };
-            let or_center = if self.cues.is_some() { " nor a 3D box with a centre" } else { "" };
+            let or_center = if self.cues.is_some() { " nor a 3D box with a center" } else { "" };
             let measured = format!("neither a box nor an ellipse{or_outline}{or_center}");
             return Err(format!("row {row} has {measured} (all of its numbers are NaN)"));
         }

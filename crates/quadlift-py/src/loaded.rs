@@ -30,7 +30,7 @@ pub struct Loaded {
 /// Where the scene file comes from.
 enum Source {
     File(Arc<SceneFile>),
-    /// Another scene with more detections. The file is created on demand: localising arrays does not need it.
+    /// Another scene with more detections. The file is created on demand: localizing arrays does not need it.
     Added {
         base: Arc<Loaded>,
         originals: Originals,
@@ -49,7 +49,7 @@ impl Loaded {
         Ok(Self { scene, path, is_result: false, source, videos: VideoFrames::default() })
     }
 
-    /// The result of a localisation of the scene of a path.
+    /// The result of a localization of the scene of a path.
     pub fn of_result(file: SceneFile, path: PathBuf) -> PyResult<Self> {
         Ok(Self { is_result: true, ..Self::new(file, path)? })
     }

@@ -1,4 +1,4 @@
-//! A localisation as the program does it, and its result: estimates as arrays, and as a scene.
+//! A localization as the program does it, and its result: estimates as arrays, and as a scene.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -209,7 +209,7 @@ impl PyLocalized {
         recorded(title, &self.loaded, self.scene(), &self.file(), truth.map(|scene| &**scene.loaded.file()))
     }
 
-    /// The scene that was localised, as it was given.
+    /// The scene that was localized, as it was given.
     #[getter]
     fn given(&self) -> PyScene {
         PyScene { loaded: Arc::clone(&self.loaded) }
@@ -277,7 +277,7 @@ impl PyLocalized {
     }
 }
 
-/// Centre, axes, quaternion and log odds of a body.
+/// Center, axes, quaternion and log odds of a body.
 type AlternativeFigures = ([f64; 3], [f64; 3], [f64; 4], f64);
 
 /// The other bodies that fit about as well.

@@ -359,7 +359,7 @@ impl PyObjectMap {
         serde_json::to_string(&record).map_err(refuse)
     }
 
-    /// Localises the objects.
+    /// Localizes the objects.
     fn localize(
         &self,
         py: Python,

@@ -1,4 +1,4 @@
-//! The options of a localisation, from Python's keywords.
+//! The options of a localization, from Python's keywords.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use quadlift::run::{RUN, RunOptions};
 use quadlift::solve::CategoryPriors;
 use quadlift_io::calibration::{CalibrationRecord, ResultAndTruth, calibrate};
 use quadlift_io::options::check_needs_map;
-use quadlift_io::priors::check_metres;
+use quadlift_io::priors::check_meters;
 use quadlift_io::run::{FileOptions, PriorSource};
 
 use crate::error::refuse;
@@ -119,7 +119,7 @@ fn prior_source(name: Option<&str>, text: Option<&str>) -> PriorSource {
 pub fn read_priors(name: Option<&str>, text: Option<&str>, length_unit: Option<&str>) -> PyResult<CategoryPriors> {
     let source = prior_source(name, text);
     if source == PriorSource::Builtin {
-        check_metres(length_unit).map_err(refuse)?;
+        check_meters(length_unit).map_err(refuse)?;
     }
     source.read().map_err(refuse)
 }

@@ -16,7 +16,7 @@ pub struct OutlineArrays<'py> {
     corners: Option<PyReadonlyArray2<'py, f64>>,
     /// (M + 1,): where the corners of each detection begin, 0 to K; a detection without an outline has none.
     offsets: Option<PyReadonlyArray1<'py, i64>>,
-    /// (M, 5): centre, width and height, angle; a row of NaN is no turned box.
+    /// (M, 5): center, width and height, angle; a row of NaN is no turned box.
     oriented_boxes: Option<PyReadonlyArray2<'py, f64>>,
     /// (M, 8): lines that are known to be hidden, see [`Shape::hidden_lines`].
     hidden_lines: Option<PyReadonlyArray2<'py, bool>>,

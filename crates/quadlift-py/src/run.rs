@@ -25,7 +25,7 @@ const STACK: usize = 8 << 20;
 pub struct Ticker {
     done: AtomicUsize,
     total: AtomicUsize,
-    cancelled: AtomicBool,
+    canceled: AtomicBool,
 }
 
 impl Observer for Ticker {
@@ -33,7 +33,7 @@ impl Observer for Ticker {
         // Several threads come here, not always in order.
         self.done.fetch_max(done, Ordering::Relaxed);
         self.total.store(total, Ordering::Relaxed);
-        if self.cancelled.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if self.canceled.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
     fn begins(&self, _: Phase) {
@@ -105,7 +105,7 @@ pub fn in_background<T: Send + 'static>(
             None => shared_pool()?.install(|| work(&of_worker)),
             Some(count) => new_pool(count)?.install(|| work(&of_worker)),
         }));
-        // The receiver is gone only where the work was cancelled.
+        // The receiver is gone only where the work was canceled.
         let _ = sender.send(result);
     };
     thread::Builder::new()
@@ -117,7 +117,7 @@ pub fn in_background<T: Send + 'static>(
         let waiting = &mut receiver;
         let received = py.detach(move || waiting.recv_timeout(INTERVAL));
         let cancel = |error| {
-            ticker.cancelled.store(true, Ordering::Relaxed);
+            ticker.canceled.store(true, Ordering::Relaxed);
             error
         };
         match received {

@@ -1,4 +1,4 @@
-//! Methods of a scene for Python: files, arrays, localisation, association, scores and reports.
+//! Methods of a scene for Python: files, arrays, localization, association, scores and reports.
 
 use std::path::{Path, PathBuf, absolute};
 use std::sync::Arc;
@@ -95,7 +95,7 @@ impl PyScene {
         detections.problems(&self.loaded.scene.frames)
     }
 
-    /// The scene with the detections of another program's file too, whose format is recognised.
+    /// The scene with the detections of another program's file too, whose format is recognized.
     #[pyo3(signature = (path, *, names, frame_column, source, min_score, image_size))]
     fn with_detections_of(
         &self,
@@ -180,7 +180,7 @@ impl PyScene {
         Ok((serde_json::json!(diagnosis).to_string(), diagnosis.in_words()))
     }
 
-    /// Localises the objects.
+    /// Localizes the objects.
     fn localize(
         &self,
         py: Python,

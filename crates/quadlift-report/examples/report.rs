@@ -1,4 +1,4 @@
-//! Localises the objects of a synthetic scene, and writes a report and the picture of a frame.
+//! Localizes the objects of a synthetic scene, and writes a report and the picture of a frame.
 //!
 //!     cargo run --example report -p quadlift-report -- report.html frame.svg
 

@@ -1,11 +1,11 @@
-//! The colours of objects, as in the page (`viewer/src/colors.ts`).
+//! The colors of objects, as in the page (`viewer/src/colors.ts`).
 
 use crate::data::Report;
 
-/// A colour: red, green, blue.
+/// A color: red, green, blue.
 pub type Color = [u8; 3];
 
-/// Paul Tol's bright scheme with four more colours; grey is for detections without an object.
+/// Paul Tol's bright scheme with four more colors; gray is for detections without an object.
 const PALETTE: [Color; 10] = [
     [0x44, 0x77, 0xaa],
     [0xee, 0x66, 0x77],
@@ -21,13 +21,13 @@ const PALETTE: [Color; 10] = [
 /// Detections without an object.
 pub const UNKNOWN: Color = [0x88; 3];
 
-/// The colour of an object by its index.
+/// The color of an object by its index.
 pub fn of_object(index: usize) -> Color {
     PALETTE[index % PALETTE.len()]
 }
 
 impl Report {
-    /// The colour of an object: by category if there are several, otherwise by object.
+    /// The color of an object: by category if there are several, otherwise by object.
     pub fn color(&self, index: usize) -> Color {
         let category = self.objects.get(index).map_or(-1, |object| object.category);
         match self.categories.len() {

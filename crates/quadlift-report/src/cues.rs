@@ -43,7 +43,7 @@ fn seen(scene: &Scene, detection: &Detection, body: &Body) -> Option<f64> {
     visible_depth(&view.projection, &view.measured_box()?, body, RAYS)
 }
 
-/// A 3D box with centre, size and rotation as a cuboid in the world; `None` if it lacks one of them.
+/// A 3D box with center, size and rotation as a cuboid in the world; `None` if it lacks one of them.
 pub(crate) fn box_in_world(measured: &Box3dCue, projection: &Projection) -> Option<Cuboid> {
     let (turn, eye) = (projection.world_from_cam_rotation()?, projection.center_in_world()?);
     Some(Cuboid {
@@ -82,7 +82,7 @@ mod tests {
             rotation: Rotation3::identity(),
         };
         let center = pose.matrix() * ball.center.to_homogeneous();
-        // 10 % farther than its near side, which is 1 / sqrt(2) before the centre.
+        // 10 % farther than its near side, which is 1 / sqrt(2) before the center.
         let near = center.z - center.normalize().z * std::f64::consts::FRAC_1_SQRT_2;
         let rotation = Rotation3::from_euler_angles(0.3, 0.2, 0.1);
         let box3d = Box3dCue {

@@ -38,7 +38,7 @@ pub struct Report {
     pub notes: Vec<String>,
     /// A problem of the whole scene, shown at the top: it is inconsistent.
     pub banner: Option<String>,
-    /// The meaning of the drawn regions of the centres, in a sentence; absent if no object has one.
+    /// The meaning of the drawn regions of the centers, in a sentence; absent if no object has one.
     pub region: Option<String>,
 }
 
@@ -66,7 +66,7 @@ pub struct ReportFrame {
 pub struct GivenPose {
     /// World to pixels, 3x4 by rows.
     pub projection: Vec<f64>,
-    /// Distance between the given and the refined centre of the camera.
+    /// Distance between the given and the refined center of the camera.
     pub shift: f64,
     /// Angle between the given and the refined axes of the camera in radians.
     pub angle: f64,
@@ -91,7 +91,7 @@ pub struct ReportDetections {
     /// x0, y0, x1, y1 of each; four times nothing where there is no box.
     #[serde(rename = "box")]
     pub boxes: Vec<Option<f64>>,
-    /// Of those that have an ellipse: row, centre x and y, semi-axes, angle in radians.
+    /// Of those that have an ellipse: row, center x and y, semi-axes, angle in radians.
     pub ellipses: Vec<(usize, f64, f64, f64, f64, f64)>,
     /// Of those that have a mask.
     pub masks: Vec<MaskRows>,
@@ -118,11 +118,11 @@ pub struct ReportObject {
     pub category: i64,
     /// Status of the estimate (see [`quadlift::solve::Status::name`]); absent without an estimate.
     pub status: Option<String>,
-    /// Estimated centre in the world.
+    /// Estimated center in the world.
     pub center: Option<[f64; 3]>,
-    /// Standard deviation of the centre per coordinate.
+    /// Standard deviation of the center per coordinate.
     pub center_sd: Option<f64>,
-    /// The region of 95 % of the centre, see [`Report::region`].
+    /// The region of 95 % of the center, see [`Report::region`].
     pub center_shell: Option<ReportBody>,
     /// The estimated body.
     pub body: Option<ReportBody>,
@@ -165,7 +165,7 @@ pub struct ReportAlternative {
 pub struct ReportBody {
     /// `ellipsoid`, `cuboid`, `cylinder` or `superellipsoid`.
     pub kind: &'static str,
-    /// Centre in the world.
+    /// Center in the world.
     pub center: [f64; 3],
     /// Semi-axes, half extents, or the two radii and half the height.
     pub half: [f64; 3],

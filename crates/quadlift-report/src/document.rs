@@ -389,7 +389,7 @@ mod tests {
     }
 
     #[test]
-    fn the_region_of_a_centre_says_what_it_promises() {
+    fn the_region_of_a_center_says_what_it_promises() {
         let unit: Vec<Vec<f64>> = (0..9).map(|i| (0..9).map(|j| f64::from(u8::from(i == j))).collect()).collect();
         let ellipsoid = json!({ "center": [0, 0, 5], "semi_axes": [1, 1, 1], "rotation": [1, 0, 0, 0] });
         let mut file = estimate(json!({ "id": "cup", "status": "ok", "ellipsoid": ellipsoid,

@@ -79,13 +79,13 @@ fn undistorted(image: &RgbImage, full_size: [u32; 2], lens: &Camera) -> RgbImage
     })
 }
 
-/// The colour at a place in pixels; `None` outside of the image.
+/// The color at a place in pixels; `None` outside of the image.
 fn bilinear(image: &RgbImage, place: &Vector2<f64>) -> Option<[u8; 3]> {
     let (width, height) = (f64::from(image.width()), f64::from(image.height()));
     if !(place.x >= 0.0 && place.y >= 0.0 && place.x <= width && place.y <= height) {
         return None;
     }
-    // Between the centres of pixels; at the border the outermost pixels go on.
+    // Between the centers of pixels; at the border the outermost pixels go on.
     let x = (place.x - 0.5).clamp(0.0, width - 1.0);
     let y = (place.y - 0.5).clamp(0.0, height - 1.0);
     let (x0, y0) = (x.floor() as u32, y.floor() as u32);

@@ -249,7 +249,7 @@ fn frame_record(frame: &Frame, detections: &[Detection], update: &FrameUpdate, i
         boxes.extend(shown.map(|shown| RecordingBox { edges: shown.edges(), owner }));
     }
     let camera = recording_camera(&frame.projection);
-    // Of unknown size: the principal point is its centre.
+    // Of unknown size: the principal point is its center.
     let around_center = |camera: &RecordingCamera| [0, 1].map(|row| (2.0 * camera.intrinsics[row][2]).max(1.0));
     let size = frame.image_size.map(Into::into).or_else(|| camera.as_ref().map(around_center));
     RecordingFrame {
@@ -343,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn a_box_has_the_colour_of_its_object() {
+    fn a_box_has_the_color_of_its_object() {
         let (frame, boxes) = frame(0);
         let detections: Vec<Detection> = boxes.iter().map(|&b| Detection::from_box(b)).collect();
         assert_eq!(detections.len(), 1);

@@ -87,11 +87,11 @@ impl Objects {
         object
     }
 
-    /// An estimate with the other bodies that fit as well; `limit` is the squared distance at which the region of its centre
+    /// An estimate with the other bodies that fit as well; `limit` is the squared distance at which the region of its center
     /// ends.
     fn estimate(&mut self, record: &ObjectRecord, bodies: ObjectBodies, others: &[(Body, f64)], limit: f64) {
         if record.status.is_none() {
-            // An object without a status is not an estimate: in a scene that was never localised it is ground truth.
+            // An object without a status is not an estimate: in a scene that was never localized it is ground truth.
             return self.truth(bodies, Some(&record.id));
         }
         let shell = bodies.covariance.as_ref().zip(bodies.center).and_then(|(covariance, center)| {

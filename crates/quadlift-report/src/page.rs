@@ -36,7 +36,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_viewer_has_one_place_for_the_data_and_keeps_its_licence() {
+    fn the_viewer_has_one_place_for_the_data_and_keeps_its_license() {
         assert_eq!(VIEWER.matches(PLACE).count(), 1);
         assert!(VIEWER.contains("three.js authors") && VIEWER.contains("Permission is hereby granted"));
         assert!(VIEWER.contains("default-src 'none'; script-src 'sha256-"), "the policy names the script");

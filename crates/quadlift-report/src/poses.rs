@@ -89,7 +89,7 @@ impl RefinedPose {
         })
     }
 
-    /// Distance between the given and the refined centre, world units.
+    /// Distance between the given and the refined center, world units.
     fn shift(&self) -> Option<f64> {
         let center = |pose: &CamFromWorld| Projection::from_matrix(*pose.matrix()).ok()?.center_in_world();
         Some((center(&self.refined)? - center(&self.given)?).norm())
@@ -104,7 +104,7 @@ impl RefinedPose {
     }
 }
 
-/// The same camera at another pose; `None` where it has no centre (see [`Projection::camera_pose`]).
+/// The same camera at another pose; `None` where it has no center (see [`Projection::camera_pose`]).
 fn with_pose(projection: &Projection, pose: &CamFromWorld) -> Option<Projection> {
     Projection::from_matrix(projection.m() * projection.world_from_cam_rotation()? * pose.matrix()).ok()
 }

@@ -1,5 +1,5 @@
 //! The content of a Rerun recording, as the JSON document `recording.json` (docs/formats/exports.md). It is made from the
-//! data of a report, with precomputed poses, outlines and colours, so that logging needs no computation.
+//! data of a report, with precomputed poses, outlines and colors, so that logging needs no computation.
 
 use std::collections::HashSet;
 
@@ -37,7 +37,7 @@ pub struct Recording {
     pub up: Option<[f64; 3]>,
     /// The objects that have a body, estimated or true.
     pub objects: Vec<RecordingObject>,
-    /// Centres of the cameras in the order of the frames; of those that have one.
+    /// Centers of the cameras in the order of the frames; of those that have one.
     pub path: Vec<[f64; 3]>,
     /// The frames.
     pub frames: Vec<RecordingFrame>,
@@ -70,7 +70,7 @@ pub struct RecordingBody {
     /// What the numbers describe: `cuboid`, or `ellipsoid`; for a superellipsoid its equivalent ellipsoid (see
     /// [`Body::ellipsoid`]).
     pub shape: &'static str,
-    /// Centre in the world.
+    /// Center in the world.
     pub center: [f64; 3],
     /// Semi-axes or half extents.
     pub half_sizes: [f64; 3],
@@ -100,7 +100,7 @@ pub struct RecordingFrame {
     pub ellipses: Vec<RecordingOutline>,
     /// Detected outlines and turned boxes, as the polygons of the lines that the estimator uses.
     pub detected_outlines: Vec<RecordingOutline>,
-    /// The 3D boxes of the detections that have a centre, a size and a rotation.
+    /// The 3D boxes of the detections that have a center, a size and a rotation.
     pub boxes3d: Vec<RecordingBox3d>,
     /// Outlines of the estimated bodies that the frame shows.
     pub outlines: Vec<RecordingOutline>,
@@ -126,7 +126,7 @@ pub struct Owner {
     pub category: Option<String>,
     /// Whether the estimator used the view (`true`) or rejected it (`false`); `None` if unknown.
     pub inlier: Option<bool>,
-    /// Colour of the object.
+    /// Color of the object.
     pub color: Color,
 }
 
@@ -151,7 +151,7 @@ pub struct RecordingBox3d {
 }
 
 impl RecordingBox3d {
-    /// A 3D box in the frame of a camera; `None` if it lacks centre, size or rotation.
+    /// A 3D box in the frame of a camera; `None` if it lacks center, size or rotation.
     pub(crate) fn new(measured: &Box3dCue, projection: &Projection, owner: &Owner) -> Option<Self> {
         let body = drawable(&ReportBody::from(&Body::Cuboid(box_in_world(measured, projection)?)))?;
         Some(Self { body, owner: owner.clone() })

@@ -92,13 +92,13 @@ pub fn run_banner(run: &RunRecord) -> Option<String> {
     Some(format!("The scene is inconsistent: {words}. Positions and sizes on this page are unreliable."))
 }
 
-/// The squared distance at which the region of 95 % of a centre ends, in units of its covariance: as it was calibrated,
+/// The squared distance at which the region of 95 % of a center ends, in units of its covariance: as it was calibrated,
 /// else the quantile of chi-square with three degrees of freedom.
 pub fn center_limit(run: &RunRecord) -> f64 {
     calibrated_limit(run).unwrap_or(CHI2_95)
 }
 
-/// The meaning of the 95 % region of a centre, in sentences.
+/// The meaning of the 95 % region of a center, in sentences.
 pub fn run_region(run: &RunRecord) -> String {
     match (&run.calibration, calibrated_limit(run)) {
         (Some(CalibrationRecord { objects, results, .. }), Some(limit)) => format!(

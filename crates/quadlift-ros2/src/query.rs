@@ -21,7 +21,7 @@ const TYPES: &str = "\n================\nMSG: geometry_msgs/Point\nfloat64 x\nfl
 pub struct Query {
     /// The category.
     pub category: Option<String>,
-    /// Two corners of a box in the world: the centres of the objects are inside.
+    /// Two corners of a box in the world: the centers of the objects are inside.
     pub corners: Option<[[f64; 3]; 2]>,
     /// Whether the objects are at least partly in the last image.
     pub in_view: bool,

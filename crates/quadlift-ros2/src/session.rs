@@ -275,7 +275,7 @@ fn camera_name(id: &str) -> &str {
 fn new_stream(options: &Options) -> Result<StreamState, String> {
     let map = ObjectMap::new(options.map.clone()).map_err(|error| error.to_string())?;
     let mut stream = StreamState { map, scene: Default::default(), poses_since: 0 };
-    // REP 103: metres; frames of robots and maps have z up, those of cameras do not.
+    // REP 103: meters; frames of robots and maps have z up, those of cameras do not.
     let up = (!options.live.world_frame.contains("optical")).then_some([0.0, 0.0, 1.0]);
     let about = AboutRecord { length_unit: Some("m".to_owned()), up, ..AboutRecord::default() };
     stream.scene.take_in(&about).map_err(|error| format!("{}: {}", error.entry, error.problem))?;

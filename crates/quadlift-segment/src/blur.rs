@@ -5,7 +5,7 @@ use std::f32::consts::SQRT_2;
 /// A Gaussian filter of a standard deviation in pixels, cut at four of them; the border goes on.
 #[derive(Debug, Clone)]
 pub(crate) struct Blur {
-    /// Weights from the centre outwards; with their mirror images they sum to 1.
+    /// Weights from the center outwards; with their mirror images they sum to 1.
     weights: Vec<f32>,
 }
 

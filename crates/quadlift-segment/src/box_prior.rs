@@ -1,4 +1,4 @@
-//! Prior on the pixels of an object in its box, before colours are used (docs/method.md, section 18).
+//! Prior on the pixels of an object in its box, before colors are used (docs/method.md, section 18).
 
 /// Likely places of an object on the grid of crops that were cut with the same margin (ours).
 #[derive(Debug, Clone, PartialEq)]
@@ -13,8 +13,8 @@ pub(crate) struct BoxPrior {
     pub ring: Vec<f32>,
 }
 
-/// Probability of the object at the centre of the box, on the inscribed ellipse and in a corner of the box; linear in
-/// between along the distance from the centre (1 on the ellipse).
+/// Probability of the object at the center of the box, on the inscribed ellipse and in a corner of the box; linear in
+/// between along the distance from the center (1 on the ellipse).
 const CENTER: f64 = 0.8;
 const EDGE: f64 = 0.45;
 const CORNER: f64 = 0.15;
@@ -54,7 +54,7 @@ impl BoxPrior {
         prior
     }
 
-    /// How well each pixel stands for the object's colours (from 0 on its edge to 1 in the middle), and for those of
+    /// How well each pixel stands for the object's colors (from 0 on its edge to 1 in the middle), and for those of
     /// the background (from 0 well inside of the box to 1 outside).
     pub(crate) fn color_weights(&self) -> (Vec<f64>, Vec<f64>) {
         // A trace of everything, so that neither is empty.
@@ -71,10 +71,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_prior_falls_from_the_centre_outwards() {
+    fn the_prior_falls_from_the_center_outwards() {
         let prior = BoxPrior::new(64, 0.2);
         let at = |x: usize, y: usize| f64::from(prior.object[y * 64 + x]);
-        // The centre of the pixel is half a pixel off both ways: 0.031 of the ellipse's radius.
+        // The center of the pixel is half a pixel off both ways: 0.031 of the ellipse's radius.
         assert!((at(32, 32) - (CENTER - 0.031 * (CENTER - EDGE))).abs() < 1e-3);
         assert!(at(32, 32) > at(20, 32) && at(20, 32) > at(12, 32) && at(12, 32) > at(10, 10));
         assert!((at(32, 8) - OUTSIDE).abs() < 1e-6 && (at(1, 1) - EXCLUDED).abs() < 1e-6);

@@ -1,9 +1,9 @@
-//! Colours as the methods compare them: CIELAB, scaled.
+//! Colors as the methods compare them: CIELAB, scaled.
 
 use std::sync::LazyLock;
 
-/// CIELAB of white point D65 divided by 100, of an sRGB colour: lightness in [0, 1], the two colour axes about
-/// [-1, 1]. Distances follow the eye's ability to distinguish colours, and all axes have about the same scale.
+/// CIELAB of white point D65 divided by 100, of an sRGB color: lightness in [0, 1], the two color axes about
+/// [-1, 1]. Distances follow the eye's ability to distinguish colors, and all axes have about the same scale.
 pub(crate) fn scaled_lab([r, g, b]: [u8; 3]) -> [f32; 3] {
     static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
         std::array::from_fn(|level| {
@@ -26,8 +26,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn known_colours() {
-        // Values of CIELAB (D65) from colour tables, to their two decimals.
+    fn known_colors() {
+        // Values of CIELAB (D65) from color tables, to their two decimals.
         let table = [
             ([255, 255, 255], [100.0, 0.0, 0.0]),
             ([0, 0, 0], [0.0, 0.0, 0.0]),

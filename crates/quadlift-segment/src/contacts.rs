@@ -94,9 +94,9 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_count_by_the_length_of_the_contact_and_the_reach() {
-        let neighbour = square(5, 4);
-        let contacts = |reach| Contacts::of(&square(3, 3), [10, 10], |x, y| neighbour.contains(x, y), reach);
+    fn neighbors_count_by_the_length_of_the_contact_and_the_reach() {
+        let neighbor = square(5, 4);
+        let contacts = |reach| Contacts::of(&square(3, 3), [10, 10], |x, y| neighbor.contains(x, y), reach);
         assert_eq!(contacts(1), Contacts { border: 0.0, others: 1.0 / 8.0 });
         // Beyond a gap of one pixel.
         let far = square(6, 3);
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn the_own_far_side_is_no_neighbour() {
+    fn the_own_far_side_is_no_neighbor() {
         // A ring: looking across the hole, the mask meets itself.
         let ring = Mask { origin: [3, 3], ..Mask::from_fn(3, 3, |x, y| (x, y) != (1, 1)) };
         let contacts = Contacts::of(&ring, [12, 12], |x, y| ring.contains(x, y), 3);

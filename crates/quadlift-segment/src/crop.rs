@@ -120,7 +120,7 @@ impl Crop {
         self.image_size
     }
 
-    /// The colours (sRGB) of the grid's pixels, row by row.
+    /// The colors (sRGB) of the grid's pixels, row by row.
     pub fn colors(&self) -> &[[u8; 3]] {
         &self.colors
     }
@@ -135,12 +135,12 @@ impl Crop {
         point.component_mul(&self.scale()) + Vector2::new(self.window.x0(), self.window.y0())
     }
 
-    /// Whether the centre of each grid pixel lies in the image, row by row.
+    /// Whether the center of each grid pixel lies in the image, row by row.
     pub fn seen(&self) -> Vec<bool> {
         product(&self.seen_rows(), &self.seen_columns())
     }
 
-    /// Whether the centre of each grid pixel lies in the detection's box, row by row.
+    /// Whether the center of each grid pixel lies in the detection's box, row by row.
     pub fn in_box(&self) -> Vec<bool> {
         product(&self.rows_of_box(), &self.columns_of_box())
     }
@@ -163,8 +163,8 @@ impl Crop {
 
     /// The mask in the image of pixels of the grid (`grid * grid` entries, row by row; missing ones are outside).
     ///
-    /// An image pixel belongs to it where the linear interpolation between the grid's pixel centres (1 inside, 0
-    /// outside) exceeds 1/2 at its own centre.
+    /// An image pixel belongs to it where the linear interpolation between the grid's pixel centers (1 inside, 0
+    /// outside) exceeds 1/2 at its own center.
     pub fn mask_in_image(&self, inside: &[bool]) -> Mask {
         let (xs, first_x) = interpolation(self.window.x0(), self.window.x1(), self.scale().x, self.image_size[0]);
         let (ys, first_y) = interpolation(self.window.y0(), self.window.y1(), self.scale().y, self.image_size[1]);
@@ -197,7 +197,7 @@ fn product(rows: &[bool], columns: &[bool]) -> Vec<bool> {
     rows.iter().flat_map(|&row| columns.iter().map(move |&column| row && column)).collect()
 }
 
-/// For each image pixel of one axis whose centre is between `start` and `end`: the grid pixel before it (from -1) and
+/// For each image pixel of one axis whose center is between `start` and `end`: the grid pixel before it (from -1) and
 /// how far it is on the way to the next one; and the first image pixel.
 fn interpolation(start: f64, end: f64, step: f64, size: u32) -> (Vec<(i64, f64)>, u32) {
     let first = (start - 0.5).ceil().clamp(0.0, f64::from(size)) as u32;
@@ -213,7 +213,7 @@ fn interpolation(start: f64, end: f64, step: f64, size: u32) -> (Vec<(i64, f64)>
     (cells, first)
 }
 
-/// The colours of a window on a grid: the mean colour of each grid pixel's area.
+/// The colors of a window on a grid: the mean color of each grid pixel's area.
 fn resampled(image: &RgbImage, window: &BoundingBox, grid: usize) -> Vec<[u8; 3]> {
     let (width, height) = (image.width() as usize, image.height() as usize);
     let columns = taps(window.x0(), window.x1(), grid, width);
@@ -266,14 +266,14 @@ mod tests {
     }
 
     #[test]
-    fn the_colours_are_those_of_the_place() {
+    fn the_colors_are_those_of_the_place() {
         let image = ramp(200, 150);
         for edges in [[50.0, 40.0, 150.0, 100.0], [80.5, 70.25, 84.0, 71.25], [60.0, 60.0, 61.0, 61.0]] {
             let crop = cut(&image, edges).unwrap();
             for (index, color) in crop.colors().iter().enumerate() {
                 let center = Vector2::new((index % 64) as f64 + 0.5, (index / 64) as f64 + 0.5);
                 let place = crop.to_image(&center);
-                // A pixel of value v has its centre at v + 1/2; a level is rounded by 1/2.
+                // A pixel of value v has its center at v + 1/2; a level is rounded by 1/2.
                 let expected = [place.x - 0.5, place.y - 0.5, 77.0];
                 for (found, expected) in color.iter().zip(expected) {
                     assert!((f64::from(*found) - expected).abs() < 0.51, "{edges:?} {place} {color:?}");

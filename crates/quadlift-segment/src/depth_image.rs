@@ -56,7 +56,7 @@ impl DepthImage {
         let [sx, sy] = [image_size[0] / f64::from(width), image_size[1] / f64::from(height)];
         // A mask may reach beyond its box.
         let around = mask.and_then(Mask::bounding_box).unwrap_or(*bounding_box);
-        // The pixels whose centres lie inside; casts saturate.
+        // The pixels whose centers lie inside; casts saturate.
         let range = |low: f64, high: f64, end: u32| {
             ((low - 0.5).ceil().max(0.0) as u32).min(end)
                 ..((high - 0.5).floor() + 1.0).max(0.0).min(f64::from(end)) as u32

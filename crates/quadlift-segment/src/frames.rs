@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 /// One crop's pixels.
 #[derive(Debug, Clone)]
 pub(crate) struct Frame {
-    /// Colours of the grid's pixels, row by row.
+    /// Colors of the grid's pixels, row by row.
     pub colors: Colors,
     /// 1 for pixels that lie in the image, 0 for the others.
     pub seen: Vec<f32>,
@@ -53,7 +53,7 @@ impl Frames {
         self.grid * self.grid
     }
 
-    /// Colours drawn from the seen pixels of all crops, in proportion to `weight(frame, pixel)`.
+    /// Colors drawn from the seen pixels of all crops, in proportion to `weight(frame, pixel)`.
     pub(crate) fn draw_colors(
         &self,
         count: usize,

@@ -1,4 +1,4 @@
-//! The minimum cut of a grid whose pixels are joined to their eight neighbours.
+//! The minimum cut of a grid whose pixels are joined to their eight neighbors.
 //!
 //! Own code, because none of the crates for general graphs that are kept up to date has an algorithm made for images:
 //! Boykov and Kolmogorov, "An experimental comparison of min-cut/max-flow algorithms for energy minimization in
@@ -6,10 +6,10 @@
 
 use std::collections::VecDeque;
 
-/// The neighbours of a pixel, as steps in x and y; the opposite of number d is number 7 - d.
+/// The neighbors of a pixel, as steps in x and y; the opposite of number d is number 7 - d.
 pub(crate) const NEIGHBORS: [(i32, i32); 8] = [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
 
-/// What a pixel hangs on in its tree, where it is not a neighbour.
+/// What a pixel hangs on in its tree, where it is not a neighbor.
 const TERMINAL: u8 = 8;
 const ORPHAN: u8 = 9;
 const NOTHING: u8 = 10;
@@ -24,8 +24,8 @@ enum Tree {
 
 /// A binary labelling problem on a grid.
 ///
-/// The cost of a labelling is the sum, over the pixels labelled against the sign of their log-odds, of the log-odds'
-/// size, and of the weights between neighbours with different labels.
+/// The cost of a labelling is the sum, over the pixels labeled against the sign of their log-odds, of the log-odds'
+/// size, and of the weights between neighbors with different labels.
 #[derive(Debug, Clone)]
 pub(crate) struct GraphCut {
     width: usize,
@@ -34,10 +34,10 @@ pub(crate) struct GraphCut {
     stride: usize,
     /// What still fits from the object's terminal into a pixel (positive) or from it to the other one (negative).
     terminal: Vec<f32>,
-    /// What still fits along the edge to each neighbour.
+    /// What still fits along the edge to each neighbor.
     capacity: Vec<[f32; 8]>,
     tree: Vec<Tree>,
-    /// The neighbour (or terminal) that a pixel hangs on.
+    /// The neighbor (or terminal) that a pixel hangs on.
     parent: Vec<u8>,
     /// When the distance was last known to be right, and the distance to the terminal.
     stamp: Vec<u32>,
@@ -79,7 +79,7 @@ impl GraphCut {
         node.wrapping_add_signed(dy as isize * self.stride as isize + dx as isize)
     }
 
-    /// Sets the weight between a pixel and its neighbour, which must lie in the grid; finite and not negative.
+    /// Sets the weight between a pixel and its neighbor, which must lie in the grid; finite and not negative.
     pub(crate) fn set_weight(&mut self, x: usize, y: usize, direction: usize, weight: f32) {
         let node = self.node(x, y);
         let neighbor = self.neighbor(node, direction);
@@ -144,7 +144,7 @@ impl GraphCut {
         }
     }
 
-    /// Takes free neighbours into the pixel's tree; returns an edge from the object's tree to the background's when it
+    /// Takes free neighbors into the pixel's tree; returns an edge from the object's tree to the background's when it
     /// meets one.
     fn grow(&mut self, node: usize) -> Option<(usize, usize)> {
         let tree = self.tree[node];

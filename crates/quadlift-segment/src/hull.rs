@@ -13,11 +13,11 @@ pub struct ConvexHull {
 impl ConvexHull {
     /// The hull of the squares of a mask's pixels; `None` for an empty mask.
     ///
-    /// Of the squares and not of the centres, because the hull has to bound what the pixels show: along x and y its
+    /// Of the squares and not of the centers, because the hull has to bound what the pixels show: along x and y its
     /// tangents are then the edges of the mask's box, which is how boxes are meant, and the outline of a solid lies
-    /// inside whenever every pixel that it touches is the mask's. In a mask made by testing centres the outline runs
+    /// inside whenever every pixel that it touches is the mask's. In a mask made by testing centers the outline runs
     /// through its outermost pixels: of circles with a radius of 20 pixels, the tangents of the squares lie outside
-    /// by 0.43 pixels on average, and those of the centres would cut off 0.21.
+    /// by 0.43 pixels on average, and those of the centers would cut off 0.21.
     pub fn of_mask(mask: &Mask) -> Option<Self> {
         let [left, top] = mask.origin.map(f64::from);
         let mut corners = Vec::new();
@@ -46,7 +46,7 @@ impl ConvexHull {
     }
 
     /// The corners, in the order of growing angle from x towards y (clockwise on the screen), none of them on the line
-    /// between its neighbours.
+    /// between its neighbors.
     pub fn vertices(&self) -> &[Vector2<f64>] {
         &self.vertices
     }

@@ -9,7 +9,7 @@
 //! use quadlift::geometry::BoundingBox;
 //! use quadlift_segment::{Crop, CropOptions, SegmentOptions, segment_object};
 //!
-//! // An orange disc that moves over a grey ground, and the detector's box in each frame.
+//! // An orange disc that moves over a gray ground, and the detector's box in each frame.
 //! let mut crops = Vec::new();
 //! for frame in 0..4 {
 //!     let x0 = 40 + 10 * frame;

@@ -21,7 +21,7 @@ pub enum MaskError {
 }
 
 /// The pixels of an object inside a window of the image: pixel `(origin.x + column, origin.y + row)` covers
-/// `[x, x + 1) x [y, y + 1)`, its centre is `(x + 0.5, y + 0.5)`. Pixels outside of the window are not the object's.
+/// `[x, x + 1) x [y, y + 1)`, its center is `(x + 0.5, y + 0.5)`. Pixels outside of the window are not the object's.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Mask {
     /// First column and first row of the window, in pixels of the image.

@@ -1,4 +1,4 @@
-//! Area, centre and second central moments of a mask, and the ellipse with these moments.
+//! Area, center and second central moments of a mask, and the ellipse with these moments.
 
 use nalgebra::{Matrix2, Vector2};
 use quadlift::geometry::Ellipse;
@@ -8,12 +8,12 @@ use crate::mask::Mask;
 /// How to interpret the pixels of a mask: whether their own extent is included.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum PixelTerm {
-    /// A pixel is the object's when its centre is: the pixels are samples of the outline's inside, and their moments
+    /// A pixel is the object's when its center is: the pixels are samples of the outline's inside, and their moments
     /// those of the points. For masks of rendering, of thresholds and of networks; without bias for these.
     #[default]
     Centers,
     /// The object is the union of the pixels' squares: each adds its own second moment, `I / 12`. Exact for areas of
-    /// whole pixels; a mask made by testing centres comes out too large (semi-axes 3, 2 read 3.04, 2.06).
+    /// whole pixels; a mask made by testing centers comes out too large (semi-axes 3, 2 read 3.04, 2.06).
     Squares,
 }
 
@@ -30,12 +30,12 @@ impl PixelTerm {
 /// Eigenvalues of a covariance whose ratio is below this are those of a line.
 const SMALLEST_RATIO: f64 = 1e-12;
 
-/// Area, centre and second central moments of a region of the image.
+/// Area, center and second central moments of a region of the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moments {
     /// Area in squared pixels; always positive.
     pub area: f64,
-    /// Centre of mass in pixels (the centre of the first pixel is (0.5, 0.5)).
+    /// Center of mass in pixels (the center of the first pixel is (0.5, 0.5)).
     pub center: Vector2<f64>,
     /// Second central moments in squared pixels, symmetric.
     pub covariance: Matrix2<f64>,
@@ -70,7 +70,7 @@ impl Moments {
         }
     }
 
-    /// The ellipse with the same centre and second moments, semi-axes `2 sqrt(eigenvalues)`; its area equals that of
+    /// The ellipse with the same center and second moments, semi-axes `2 sqrt(eigenvalues)`; its area equals that of
     /// the region only if the region is an ellipse. `None` if the region is a point or a line.
     pub fn ellipse(&self) -> Option<Ellipse> {
         let (trace, determinant) = (self.covariance.trace(), self.covariance.determinant());
@@ -149,7 +149,7 @@ mod tests {
         (center, covariance / n)
     }
 
-    /// The pixels whose centres lie in an ellipse.
+    /// The pixels whose centers lie in an ellipse.
     fn rendered(ellipse: &Ellipse, size: u32) -> Mask {
         let inverse = ellipse.shape().try_inverse().unwrap();
         Mask::from_fn(size, size, |column, row| {

@@ -1,4 +1,4 @@
-//! Palettes: the colours of a region as a mixture of Gaussians.
+//! Palettes: the colors of a region as a mixture of Gaussians.
 
 use nalgebra::{Matrix3, Vector3};
 use rand::RngExt;
@@ -9,7 +9,7 @@ use crate::vector_math::{exp, ln, weighted_sums};
 /// Standard deviation that every Gaussian has at least, in scaled CIELAB: noise of the camera and of compression.
 pub(crate) const COLOR_NOISE: f64 = 0.01;
 
-/// Colours of many pixels, one list for each axis of the colour space.
+/// Colors of many pixels, one list for each axis of the color space.
 pub(crate) type Colors = [Vec<f32>; 3];
 
 /// The same part of the three lists.
@@ -26,7 +26,7 @@ pub(crate) struct Gaussian {
     pub covariance: Matrix3<f64>,
 }
 
-/// The colours of one region; the weights sum to 1.
+/// The colors of one region; the weights sum to 1.
 pub(crate) type Palette = Vec<Gaussian>;
 
 /// A Gaussian prepared to be evaluated: `log(weight N(z)) = constant - |W z - shift|^2 / 2`, W lower triangular.
@@ -61,7 +61,7 @@ impl LogDensity {
         }
     }
 
-    /// The log densities of a row of colours.
+    /// The log densities of a row of colors.
     pub(crate) fn evaluate(&self, [a, b, c]: [&[f32]; 3], out: &mut [f32]) {
         let ([w00, w10, w11, w20, w21, w22], [s0, s1, s2]) = (self.whitening, self.shift);
         for (((out, &a), &b), &c) in out.iter_mut().zip(a).zip(b).zip(c) {
@@ -73,7 +73,7 @@ impl LogDensity {
     }
 }
 
-/// `log b(z)` of a row of colours under a mixture, and in `responsibilities` (a row for each Gaussian, one after the
+/// `log b(z)` of a row of colors under a mixture, and in `responsibilities` (a row for each Gaussian, one after the
 /// other) the part of each Gaussian in it.
 pub(crate) fn mixture_row(
     densities: &[LogDensity],
@@ -116,12 +116,12 @@ pub(crate) fn mixture_row(
     }
 }
 
-/// Weight, and sums of the colours and of their products (xx, xy, xz, yy, yz, zz), over the pixels of a Gaussian.
+/// Weight, and sums of the colors and of their products (xx, xy, xz, yy, yz, zz), over the pixels of a Gaussian.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct ColorSums(pub [f64; 10]);
 
 impl ColorSums {
-    /// Adds a row of colours with weights; `products` are those of [`color_products`].
+    /// Adds a row of colors with weights; `products` are those of [`color_products`].
     ///
     /// A row is added up in f32, the rows in f64.
     pub(crate) fn add_row(&mut self, weights: &[f32], colors: [&[f32]; 3], products: [&[f32]; 6]) {
@@ -166,7 +166,7 @@ pub(crate) fn palette_of(sums: &[ColorSums], earlier: &[Gaussian]) -> Palette {
         .collect()
 }
 
-/// The six products of the colours' axes.
+/// The six products of the colors' axes.
 pub(crate) fn color_products([x, y, z]: [&[f32]; 3], products: &mut [Vec<f32>; 6]) {
     for (product, (a, b)) in products.iter_mut().zip([(x, x), (x, y), (x, z), (y, y), (y, z), (z, z)]) {
         product.clear();
@@ -206,7 +206,7 @@ fn clusters(colors: &Colors, count: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
         for (i, d) in nearest.iter_mut().enumerate() {
             *d = d.min(distance(point(i), last));
         }
-        // The small term: where all colours are the same, any of them will do.
+        // The small term: where all colors are the same, any of them will do.
         let drawn = draw_indices(nearest.iter().map(|&d| f64::from(d) + 1e-12), 1, rng);
         centers.push(drawn.first().map_or(last, |&i| point(i)));
     }
@@ -247,7 +247,7 @@ const ROW: usize = 64;
 /// Rounds of EM after the clusters are found.
 const ROUNDS: usize = 8;
 
-/// Fits a mixture of `count` Gaussians to at least one colour.
+/// Fits a mixture of `count` Gaussians to at least one color.
 pub(crate) fn fit_palette(colors: &Colors, count: usize, rng: &mut ChaCha8Rng) -> Palette {
     let n = colors[0].len();
     let nothing = Gaussian { weight: 0.0, mean: Vector3::zeros(), covariance: Matrix3::identity() };
@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn one_colour_is_enough() {
+    fn one_color_is_enough() {
         let colors: Colors = [vec![0.3; 100], vec![0.1; 100], vec![-0.2; 100]];
         for gaussian in fit_palette(&colors, 6, &mut ChaCha8Rng::seed_from_u64(1)) {
             assert!(gaussian.mean.iter().chain(gaussian.covariance.iter()).all(|x| x.is_finite()));

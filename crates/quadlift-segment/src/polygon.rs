@@ -75,7 +75,7 @@ impl Polygons {
         &self.parts
     }
 
-    /// The window `[x0, y0, x1, y1]` (end not included) of an image of this size that holds the pixels whose centres lie
+    /// The window `[x0, y0, x1, y1]` (end not included) of an image of this size that holds the pixels whose centers lie
     /// in the region.
     pub fn window(&self, width: u32, height: u32) -> [u32; 4] {
         self.parts.iter().fold([width, height, 0, 0], |all, part| {
@@ -84,7 +84,7 @@ impl Polygons {
         })
     }
 
-    /// The pixels of an image of this size whose centres lie in the region, in the smallest window that holds them.
+    /// The pixels of an image of this size whose centers lie in the region, in the smallest window that holds them.
     /// Where a polygon crosses itself, the even-odd rule holds.
     ///
     /// # Errors
@@ -174,7 +174,7 @@ fn edges(part: &[Vector2<f64>]) -> impl Iterator<Item = (Vector2<f64>, Vector2<f
     part.iter().copied().zip(part.iter().copied().cycle().skip(1))
 }
 
-/// The rows of an image of this height whose centres an edge crosses.
+/// The rows of an image of this height whose centers an edge crosses.
 fn rows(a: &Vector2<f64>, b: &Vector2<f64>, height: u32) -> std::ops::Range<u32> {
     first_center(a.y.min(b.y), height)..first_center(a.y.max(b.y), height)
 }
@@ -188,7 +188,7 @@ fn window(part: &[Vector2<f64>], width: u32, height: u32) -> [u32; 4] {
     })
 }
 
-/// The first pixel whose centre is at or after a coordinate, from 0 to `size`.
+/// The first pixel whose center is at or after a coordinate, from 0 to `size`.
 fn first_center(x: f64, size: u32) -> u32 {
     // The cast saturates.
     ((x - 0.5).ceil() as u32).min(size)
@@ -236,12 +236,12 @@ mod tests {
     }
 
     #[test]
-    fn the_raster_is_that_of_the_even_odd_rule_at_each_centre() {
+    fn the_raster_is_that_of_the_even_odd_rule_at_each_center() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
         for _ in 0..200 {
             let mut coordinate = || {
                 let x: f64 = rng.random_range(-5.0..30.0);
-                // Some on centres and borders of pixels.
+                // Some on centers and borders of pixels.
                 if rng.random_bool(0.3) { (2.0 * x).round() / 2.0 } else { x }
             };
             let parts: Vec<Vec<f64>> = (0..3).map(|_| (0..14).map(|_| coordinate()).collect()).collect();
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn overlapping_polygons_are_one_region_in_the_raster_and_neighbours_share_no_pixel() {
+    fn overlapping_polygons_are_one_region_in_the_raster_and_neighbors_share_no_pixel() {
         let rectangle = |x0: f64, x1: f64| vec![x0, 0.0, x1, 0.0, x1, 4.0, x0, 4.0];
         let both = Polygons::new(&[rectangle(0.0, 6.0), rectangle(3.0, 9.0)]).unwrap();
         assert_eq!(both.to_mask(20, 20).unwrap().count(), 36);
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn the_raster_is_the_test_of_every_centre() {
+    fn the_raster_is_the_test_of_every_center() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(4);
         for _ in 0..50 {
             let corners: Vec<f64> = (0..14).map(|_| rng.random_range(-3.0..23.0)).collect();

@@ -11,16 +11,16 @@ use crate::smoothing::smooth_labels;
 const ROUNDS: usize = 5;
 /// Gaussians in each of the two palettes.
 const GAUSSIANS: usize = 6;
-/// Exponent of the likelihood: neighbouring pixels are not independent.
+/// Exponent of the likelihood: neighboring pixels are not independent.
 const TEMPERING: f32 = 0.5;
-/// Colours that a palette is made from.
+/// Colors that a palette is made from.
 const COLORS: usize = 6000;
 /// Probability of the object by its box above which a pixel is one at first.
 const FIRST_OBJECT: f32 = 0.4;
 
 /// The pixels of a frame, row by row.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Labelled {
+pub(crate) struct Labeled {
     /// Log-odds of the object.
     pub log_odds: Vec<f32>,
     /// Whether the pixel is taken for the object's.
@@ -28,27 +28,27 @@ pub(crate) struct Labelled {
 }
 
 /// Rounds of GrabCut (Rother, Kolmogorov, Blake, 2004) on all frames together, from the box on: one palette of the object
-/// and one of the background are fitted to the labels of all frames, then each frame is cut again by place, colours and
+/// and one of the background are fitted to the labels of all frames, then each frame is cut again by place, colors and
 /// edges.
 ///
 /// There must be at least one frame with a visible pixel.
-pub(crate) fn pooled_cuts(frames: &Frames, strength: f32, rng: &mut ChaCha8Rng) -> Vec<Labelled> {
+pub(crate) fn pooled_cuts(frames: &Frames, strength: f32, rng: &mut ChaCha8Rng) -> Vec<Labeled> {
     let object = &frames.prior.object;
     let prior: Vec<f32> = object.iter().map(|p| (p / (1.0 - p)).ln()).collect();
     let inside = object.iter().map(|&p| p > FIRST_OBJECT).collect();
-    let mut labelled = vec![Labelled { log_odds: Vec::new(), inside }; frames.frames.len()];
+    let mut labeled = vec![Labeled { log_odds: Vec::new(), inside }; frames.frames.len()];
     for _ in 0..ROUNDS {
         let mut palette_of = |object: bool| {
             // The trace: a palette for a label that no pixel has.
-            let weight = |t: usize, i: usize| if labelled[t].inside[i] == object { 1.0 } else { 1e-6 };
+            let weight = |t: usize, i: usize| if labeled[t].inside[i] == object { 1.0 } else { 1e-6 };
             let colors = frames.draw_colors(COLORS, rng, weight);
             fit_palette(&colors, GAUSSIANS, rng).iter().map(LogDensity::new).collect::<Vec<_>>()
         };
         let palettes = [palette_of(true), palette_of(false)];
-        for (frame, labelled) in frames.frames.iter().zip(&mut labelled) {
+        for (frame, labeled) in frames.frames.iter().zip(&mut labeled) {
             let [object, background] = palettes.each_ref().map(|palette| log_likelihood(palette, &frame.colors));
             let evidence = object.iter().zip(&background).zip(&frame.seen);
-            labelled.log_odds = evidence
+            labeled.log_odds = evidence
                 .zip(prior.iter().zip(&frames.prior.excluded))
                 .map(
                     |(((object, background), seen), (prior, &excluded))| {
@@ -56,10 +56,10 @@ pub(crate) fn pooled_cuts(frames: &Frames, strength: f32, rng: &mut ChaCha8Rng) 
                     },
                 )
                 .collect();
-            labelled.inside = smooth_labels(&labelled.log_odds, &frame.colors, frames.grid, strength);
+            labeled.inside = smooth_labels(&labeled.log_odds, &frame.colors, frames.grid, strength);
         }
     }
-    labelled
+    labeled
 }
 
 fn log_likelihood(palette: &[LogDensity], colors: &Colors) -> Vec<f32> {

@@ -11,7 +11,7 @@ pub(crate) struct Taps {
 
 /// Weights of the pixels for `count` cells that share the interval `start .. end` (in pixels) evenly.
 ///
-/// A cell's value is the mean over its interval of the linear interpolation between pixel centres: the mean of the
+/// A cell's value is the mean over its interval of the linear interpolation between pixel centers: the mean of the
 /// pixels where cells are large, interpolation where they are small. Beyond the image (pixels `0 .. size`) the border
 /// pixel goes on.
 pub(crate) fn taps(start: f64, end: f64, count: usize, size: usize) -> Vec<Taps> {
@@ -65,10 +65,10 @@ mod tests {
 
     #[test]
     fn whole_pixels_are_interpolated_means() {
-        // Cells of one pixel, half a pixel off the grid: the mean over [0.5, 1.5] is that of both neighbours.
+        // Cells of one pixel, half a pixel off the grid: the mean over [0.5, 1.5] is that of both neighbors.
         let cells = taps(0.5, 3.5, 3, 4);
         assert_eq!(cells[0], Taps { first: 0, weights: vec![0.5, 0.5, 0.0] });
-        // On the grid: a quarter of each half is shared with a neighbour, so 1/8 and 3/4.
+        // On the grid: a quarter of each half is shared with a neighbor, so 1/8 and 3/4.
         let cells = taps(0.0, 4.0, 4, 4);
         for (found, expected) in cells[1].weights.iter().zip([0.125, 0.75, 0.125]) {
             assert!((found - expected).abs() < 1e-6, "{cells:?}");

@@ -13,13 +13,13 @@ use crate::frames::Frames;
 use crate::mask::Mask;
 use crate::moments::{Moments, PixelTerm};
 use crate::parallel::map_indices;
-use crate::pooled::{Labelled, pooled_cuts};
+use crate::pooled::{Labeled, pooled_cuts};
 use crate::sca::{self, ScaOptions};
 
 /// How object and background are separated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SegmentMethod {
-    /// Graph cuts with colours of all frames together and the prior of the box.
+    /// Graph cuts with colors of all frames together and the prior of the box.
     #[default]
     GraphCut,
     /// Stel Component Analysis, as in the paper: a pixel is the object's when its posterior is above 1/2.
@@ -46,7 +46,7 @@ pub struct SegmentOptions {
     pub method: SegmentMethod,
     /// Settings of the method `sca`.
     pub sca: ScaOptions,
-    /// Cost of a label that changes between neighbours of the same colour, for `graphcut`; 0 to 100.
+    /// Cost of a label that changes between neighbors of the same color, for `graphcut`; 0 to 100.
     pub smoothing: f64,
     /// Whether an unreliable mask is replaced by the ellipse in the box.
     pub fall_back: bool,
@@ -72,9 +72,9 @@ pub enum SegmentError {
         .0.grid, .0.margin, .1.grid, .1.margin
     )]
     CropsDiffer(CropOptions, CropOptions),
-    /// The observer cancelled the work.
-    #[error("cancelled")]
-    Cancelled,
+    /// The observer canceled the work.
+    #[error("canceled")]
+    Canceled,
 }
 
 /// The result for a view.
@@ -112,24 +112,23 @@ pub fn segment_object(crops: &[Crop], options: &SegmentOptions) -> Result<Vec<Vi
     let Some(first) = crops.first() else { return Ok(Vec::new()) };
     let CropOptions { grid, margin } = *first.options();
     let frames = Frames::new(crops, grid, margin);
-    let labelled = labelled(&frames, options);
-    Ok(crops.iter().zip(labelled).map(|(crop, labelled)| view(crop, labelled, options.fall_back)).collect())
+    let labeled = labeled(&frames, options);
+    Ok(crops.iter().zip(labeled).map(|(crop, labeled)| view(crop, labeled, options.fall_back)).collect())
 }
 
-fn labelled(frames: &Frames, options: &SegmentOptions) -> Vec<Labelled> {
+fn labeled(frames: &Frames, options: &SegmentOptions) -> Vec<Labeled> {
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     match options.method {
         SegmentMethod::GraphCut => pooled_cuts(frames, options.smoothing as f32, &mut rng),
         SegmentMethod::Sca => {
-            let labels =
-                |log_odds: Vec<f32>| Labelled { inside: log_odds.iter().map(|&x| x > 0.0).collect(), log_odds };
+            let labels = |log_odds: Vec<f32>| Labeled { inside: log_odds.iter().map(|&x| x > 0.0).collect(), log_odds };
             sca::fit(frames, &options.sca, &mut rng).into_iter().map(labels).collect()
         }
     }
 }
 
 /// Segments many objects, each by its crops, in parallel; see [`segment_object`]. Where the observer cancels, the
-/// objects that are left have the error [`SegmentError::Cancelled`].
+/// objects that are left have the error [`SegmentError::Canceled`].
 pub fn segment_objects(
     objects: &[Vec<Crop>],
     options: &SegmentOptions,
@@ -137,8 +136,8 @@ pub fn segment_objects(
 ) -> Vec<Result<Vec<ViewSegmentation>, SegmentError>> {
     let watch = Watch::new(observer, objects.len());
     map_indices(objects.len(), |index| {
-        if watch.is_cancelled() {
-            return Err(SegmentError::Cancelled);
+        if watch.is_canceled() {
+            return Err(SegmentError::Canceled);
         }
         let views = segment_object(&objects[index], options);
         watch.advance(1);
@@ -160,8 +159,8 @@ fn check(crops: &[Crop], options: &SegmentOptions) -> Result<(), SegmentError> {
 }
 
 /// The result of a view from the labels of its grid.
-fn view(crop: &Crop, labelled: Labelled, fall_back: bool) -> ViewSegmentation {
-    let Labelled { log_odds, mut inside } = labelled;
+fn view(crop: &Crop, labeled: Labeled, fall_back: bool) -> ViewSegmentation {
+    let Labeled { log_odds, mut inside } = labeled;
     let grid = crop.grid();
     // A mask is a set of pixels of the image: pixels outside are never part of the object.
     let seen = crop.seen();

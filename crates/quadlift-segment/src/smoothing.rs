@@ -6,12 +6,12 @@ use crate::graph_cut::{GraphCut, NEIGHBORS};
 use crate::palette::{Colors, part};
 use crate::vector_math::exp;
 
-/// The labelling of the grid's pixels that costs least, when neighbours with different labels cost
-/// `strength / distance * exp(-|difference of colours|^2 / (2 mean))`, the mean taken over all neighbours of the crop
+/// The labelling of the grid's pixels that costs least, when neighbors with different labels cost
+/// `strength / distance * exp(-|difference of colors|^2 / (2 mean))`, the mean taken over all neighbors of the crop
 /// (GrabCut: Rother, Kolmogorov, Blake, 2004).
 pub(crate) fn smooth_labels(log_odds: &[f32], colors: &Colors, grid: usize, strength: f32) -> Vec<bool> {
-    // Squared differences of colours, each pair of neighbours once: to the right, and to the three below. For each of
-    // these directions the pixels of a row that have such a neighbour are `columns`.
+    // Squared differences of colors, each pair of neighbors once: to the right, and to the three below. For each of
+    // these directions the pixels of a row that have such a neighbor are `columns`.
     let columns = |direction: usize| {
         let dx = NEIGHBORS[direction].0;
         usize::from(dx < 0)..grid - usize::from(dx > 0)
@@ -32,7 +32,7 @@ pub(crate) fn smooth_labels(log_odds: &[f32], colors: &Colors, grid: usize, stre
         }
     }
     let mean = squares.iter().map(|&d| f64::from(d)).sum::<f64>() / squares.len().max(1) as f64;
-    // The small number: crops of one colour.
+    // The small number: crops of one color.
     let beta = (1.0 / (2.0 * mean + 1e-12)) as f32;
     squares.iter_mut().for_each(|square| *square = strength * exp(-beta * *square));
     let mut cut = GraphCut::new(grid, grid);
@@ -54,8 +54,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn labels_follow_the_edge_of_the_colours() {
-        // Two halves of different colours, evidence for the object left of column 8 only weakly and with errors.
+    fn labels_follow_the_edge_of_the_colors() {
+        // Two halves of different colors, evidence for the object left of column 8 only weakly and with errors.
         let grid = 16;
         let left = |i: usize| i % grid < 8;
         let axis: Vec<f32> = (0..grid * grid).map(|i| if left(i) { 0.2 } else { 0.7 }).collect();

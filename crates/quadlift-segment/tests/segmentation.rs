@@ -21,7 +21,7 @@ fn noise(x: u32, y: u32, salt: u32) -> f64 {
     f64::from(h ^ (h >> 15)) / 4_294_967_296.0
 }
 
-/// An orange ellipse with stripes on a ground of grey and green patches.
+/// An orange ellipse with stripes on a ground of gray and green patches.
 fn view(ellipse: &Ellipse, salt: u32) -> RgbImage {
     let inverse = ellipse.shape().try_inverse().unwrap();
     RgbImage::from_fn(320, 240, |x, y| {
@@ -66,7 +66,7 @@ fn is_finite(view: &ViewSegmentation) -> bool {
 }
 
 #[test]
-fn an_object_of_two_colours_is_found() {
+fn an_object_of_two_colors_is_found() {
     let truth = ellipses(6);
     let crops = crops(&truth);
     for method in SegmentMethod::ALL {
@@ -106,7 +106,7 @@ fn uniform_images_fall_back_to_the_box() {
             let views = segment_object(&[crop.clone(), crop.clone()], &with(method)).unwrap();
             assert!(views.iter().all(is_finite), "{method:?}: {views:?}");
         }
-        // Without colours to go by, the labels are those of the prior: an ellipse in the box, if any.
+        // Without colors to go by, the labels are those of the prior: an ellipse in the box, if any.
         let view = &segment_object(std::slice::from_ref(&crop), &SegmentOptions::default()).unwrap()[0];
         assert!(ellipse_iou(&view.ellipse, &Ellipse::inscribed_in(&bounding_box)) > 0.7, "{view:?}");
     }
@@ -153,7 +153,7 @@ fn what_lies_outside_of_the_image_is_not_in_the_mask() {
     let ellipse = Ellipse::new(Vector2::new(10.0, 120.0), Vector2::new(60.0, 35.0), 0.0).unwrap();
     let crop = Crop::cut(&view(&ellipse, 1), &ellipse.bounding_box(), &CropOptions::default()).unwrap();
     let found = &segment_object(&[crop], &SegmentOptions { fall_back: false, ..Default::default() }).unwrap()[0];
-    // The centre of the visible part, not of the whole.
+    // The center of the visible part, not of the whole.
     assert!(found.ellipse.center().x > 25.0, "{found:?}");
     assert!((f64::from(found.mask.extent().unwrap()[2]) - 70.0).abs() < 3.0);
 }

@@ -1,4 +1,4 @@
-//! Localises a cup from its boxes in four images.
+//! Localizes a cup from its boxes in four images.
 //!
 //!     cargo run --example localize -p quadlift
 
@@ -37,9 +37,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let id = &scene.object_ids[estimate.object_index];
         let ellipsoid = estimate.ellipsoid().ok_or_else(|| format!("{id}: {}", estimate.status.name()))?;
         let (center, semi_axes) = (ellipsoid.center.coords, ellipsoid.semi_axes);
-        println!("{id}: centre {:.3?}, semi-axes {:.3?} m", center.as_slice(), semi_axes.as_slice());
+        println!("{id}: center {:.3?}, semi-axes {:.3?} m", center.as_slice(), semi_axes.as_slice());
         if let Some(sd) = estimate.center_sd() {
-            println!("standard deviation of the centre: {sd:.3} m");
+            println!("standard deviation of the center: {sd:.3} m");
         }
         for warning in &estimate.warnings {
             println!("warning: {warning}");

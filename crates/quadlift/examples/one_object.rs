@@ -1,4 +1,4 @@
-//! Localises a single object without a scene, with the default estimator and with a closed form.
+//! Localizes a single object without a scene, with the default estimator and with a closed form.
 //!
 //!     cargo run --example one_object -p quadlift
 
@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let center = estimate.center.ok_or_else(|| format!("{name}: {}", estimate.status.name()))?;
         let residual = estimate.rms_residual_px().unwrap_or(f64::NAN);
         println!(
-            "{name}: {}, centre {:.3?}, residual {residual:.2} px",
+            "{name}: {}, center {:.3?}, residual {residual:.2} px",
             estimate.status.name(),
             center.coords.as_slice()
         );

@@ -1,4 +1,4 @@
-//! Progress of long work, and how it is cancelled.
+//! Progress of long work, and how it is canceled.
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -58,12 +58,12 @@ impl Observer for Unobserved {
     }
 }
 
-/// Counts the steps of some work for its observer, from any thread, and remembers whether it was cancelled.
+/// Counts the steps of some work for its observer, from any thread, and remembers whether it was canceled.
 pub struct Watch<'a> {
     observer: &'a dyn Observer,
     done: AtomicUsize,
     total: AtomicUsize,
-    cancelled: AtomicBool,
+    canceled: AtomicBool,
 }
 
 impl std::fmt::Debug for Watch<'_> {
@@ -75,8 +75,8 @@ impl std::fmt::Debug for Watch<'_> {
 impl<'a> Watch<'a> {
     /// Of work with so many steps.
     pub fn new(observer: &'a dyn Observer, total: usize) -> Self {
-        let (done, cancelled) = (AtomicUsize::new(0), AtomicBool::new(false));
-        Self { observer, done, total: AtomicUsize::new(total), cancelled }
+        let (done, canceled) = (AtomicUsize::new(0), AtomicBool::new(false));
+        Self { observer, done, total: AtomicUsize::new(total), canceled }
     }
 
     /// So many more steps are done.
@@ -108,18 +108,18 @@ impl<'a> Watch<'a> {
         if index.is_multiple_of(16) {
             self.poll();
         }
-        self.is_cancelled()
+        self.is_canceled()
     }
 
-    /// Whether the observer has cancelled the work.
-    pub fn is_cancelled(&self) -> bool {
-        self.cancelled.load(Ordering::Relaxed)
+    /// Whether the observer has canceled the work.
+    pub fn is_canceled(&self) -> bool {
+        self.canceled.load(Ordering::Relaxed)
     }
 
     fn ask(&self, done: usize) {
         let total = self.total.load(Ordering::Relaxed);
         if self.observer.progress(done.min(total), total).is_break() {
-            self.cancelled.store(true, Ordering::Relaxed);
+            self.canceled.store(true, Ordering::Relaxed);
         }
     }
 }
@@ -139,12 +139,12 @@ mod tests {
         let watch = Watch::new(&observer, 4);
         watch.advance(1);
         watch.poll();
-        assert!(!watch.is_cancelled());
+        assert!(!watch.is_canceled());
         watch.advance(2);
         watch.finish();
         watch.extend(2);
         watch.advance(5);
-        assert!(watch.is_cancelled());
+        assert!(watch.is_canceled());
         assert_eq!(*seen.lock().unwrap(), [(1, 4), (1, 4), (3, 4), (4, 4), (6, 6)]);
     }
 }

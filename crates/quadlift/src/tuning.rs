@@ -72,7 +72,7 @@ tuned! {
     /// So many views of an object count twice: a body cannot follow many views as it follows a few. Tuned on scenes of one
     /// synthetic object with 5 % noise, where 10 views gave O3D .756 without it and .807 with it (.815 with the level given).
     MANY_VIEWS = 8.0;
-    /// Correlation between neighbouring views from which many views count no more than few: there the body is wrong in a way
+    /// Correlation between neighboring views from which many views count no more than few: there the body is wrong in a way
     /// that they share. Tuned on KITTI, whose correlations are .1 (S05) and .35 to .9 (the others).
     CORRELATED_FROM = 0.3;
     /// How much noisier hidden edges usually are, and the degrees of freedom for which that counts.
@@ -86,7 +86,7 @@ tuned! {
 
     // Covariances, alternatives, the enclosing body.
     /// Scale of the field's correlation, as a distance between unit vectors. Tuned on LINEMOD, LMO, TUW and KITTI by the
-    /// share of true centres inside the 95 % region (all sets together 83, 89, 89, 89 and 89 % at 0.1, 0.2, 0.3, 0.4 and 0.6)
+    /// share of true centers inside the 95 % region (all sets together 83, 89, 89, 89 and 89 % at 0.1, 0.2, 0.3, 0.4 and 0.6)
     /// and the median NEES (10.7, 8.4, 7.3, 6.6 and 5.6; 8.34 is honest).
     CORRELATION_SCALE = 0.25;
     /// Log odds below which another answer is not reported: 1 to 20, which is clear. Of 400 synthetic cuboids in 8 views (boxes with 2

@@ -101,7 +101,7 @@ def localize_objects(
     length_unit: str | None = None,
     **options: Any,
 ) -> Any:
-    """Localises objects, one per row.
+    """Localizes objects, one per row.
 
     Parameters
     ----------
@@ -298,7 +298,7 @@ def localize_scenes(
     length_unit: str | None = None,
     **options: Any,
 ) -> Any:
-    """Associates detections scene by scene and localises the objects.
+    """Associates detections scene by scene and localizes the objects.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ class Cameras:
 
     Notes
     -----
-    The frames of a scene are ordered by their ids, because errors of neighbouring views are correlated: numbers as
+    The frames of a scene are ordered by their ids, because errors of neighboring views are correlated: numbers as
     numbers, texts as texts ("10" before "9"). Identical duplicate cameras are ignored.
     """
 

@@ -25,7 +25,7 @@ use crate::words::duration;
 ///
 /// For maps of one place that were made apart, also from opposite sides: categories, sizes and distances of objects are compared; ids,
 /// images and appearance are not used. Objects of one map may be missing in the other one. With -o the maps become one, in the frame
-/// of A.json: objects that are in both have one id, and are localised from the detections of both where the files have them.
+/// of A.json: objects that are in both have one id, and are localized from the detections of both where the files have them.
 /// Where the objects do not decide how the maps lie, nothing is written.
 #[derive(clap::Args)]
 #[command(
@@ -68,7 +68,7 @@ pub struct Args {
     #[arg(long, value_name = "DEG", value_parser = args::positive, default_value_t = 2.0)]
     up_sd: f64,
 
-    /// Localise the merged map with the detections of this source; required if the files have several
+    /// Localize the merged map with the detections of this source; required if the files have several
     #[arg(long, value_name = "NAME", requires = "output")]
     source: Option<String>,
 

@@ -9,7 +9,7 @@ use quadlift::run::identify;
 use quadlift_io::association::{AssociationRecord, write_objects};
 use quadlift_io::diagnosis::DiagnosisRecord;
 use quadlift_io::guard::check_not_read;
-use quadlift_io::priors::check_metres;
+use quadlift_io::priors::check_meters;
 use quadlift_io::{builtin_priors, read_priors, write_scene_file};
 use serde_json::json;
 
@@ -86,7 +86,7 @@ pub struct Args {
     #[arg(long, value_name = "PX", value_parser = args::positive)]
     pixel_sd: Option<f64>,
 
-    /// Sizes of categories: "builtin" (for scenes in metres) or a TOML file
+    /// Sizes of categories: "builtin" (for scenes in meters) or a TOML file
     #[arg(long, value_name = "builtin|FILE.toml")]
     priors: Option<PathBuf>,
 
@@ -133,7 +133,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let mut input = read_input(&args.scene, &args.corrections.list()?)?;
     check_not_read(&args.output)?;
     if args.priors.as_ref().is_some_and(|name| name.as_os_str() == "builtin") {
-        check_metres(input.scene().length_unit.as_deref()).map_err(anyhow::Error::msg)?;
+        check_meters(input.scene().length_unit.as_deref()).map_err(anyhow::Error::msg)?;
     }
     let title = args.scene.display().to_string();
     let start = Instant::now();
@@ -169,7 +169,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let source = args.source.iter().flat_map(|name| ["--source".into(), Path::new(name).into()]);
     let words =
         ["localize".into(), args.output.as_path().into()].into_iter().chain(source).chain(["-o objects.json".into()]);
-    Next::default().command(words, "localise the objects").tell(out)?;
+    Next::default().command(words, "localize the objects").tell(out)?;
     let mut document = json!(AssociationRecord::of(scene, &association));
     if !input.notes.is_empty() {
         document["corrections"] = json!(input.notes);

@@ -25,7 +25,7 @@ use crate::words::{count, duration, some_of, with_unit};
 
 /// Find the poses of fixed cameras from what stands or walks by
 ///
-/// For synchronised cameras with known intrinsics: every camera of the scene file stays where it is, and frames with the same
+/// For synchronized cameras with known intrinsics: every camera of the scene file stays where it is, and frames with the same
 /// `rig_frame`, or with equal `time`, were taken at one instant. Boxes with the same `object` show the same body; boxes without one are
 /// matched by where they are. The result is the scene with `cam_from_world` in the frames of each camera that was calibrated.
 /// Cameras that already have a pose keep it.
@@ -76,11 +76,11 @@ pub struct Args {
     #[arg(long)]
     posed_only: bool,
 
-    /// Distance between the centres of two cameras, by their ids; may be repeated
+    /// Distance between the centers of two cameras, by their ids; may be repeated
     #[arg(long, value_name = "CAM_A,CAM_B,LENGTH", value_parser = distance)]
     distance: Vec<Distance>,
 
-    /// Sizes of categories: builtin (metres), a TOML file, or none. With --distance or given poses builtin is only used if the scene has the
+    /// Sizes of categories: builtin (meters), a TOML file, or none. With --distance or given poses builtin is only used if the scene has the
     /// `length_unit` "m"
     #[arg(long, value_name = "FILE", default_value = "builtin")]
     priors: PathBuf,
@@ -146,7 +146,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         Some("builtin") => CategoryPriors::default(),
         _ => read_priors(&args.priors)?,
     };
-    // Metres are the unit of the built-in sizes; the unit of others, and of distances, is what the scene says.
+    // Meters are the unit of the built-in sizes; the unit of others, and of distances, is what the scene says.
     let builtin = unit_is_open && args.priors.as_os_str() == "builtin";
     let unit = if builtin { Some("m".to_owned()) } else { file.length_unit.clone() };
     let options = RigOptions { sizes, upright: args.upright.clone(), still: args.still.clone() };

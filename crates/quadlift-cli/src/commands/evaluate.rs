@@ -28,7 +28,7 @@ Columns:
   enclosing IoU  the same for the enclosing ellipsoid, which should contain the real object
   cuboid IoU     the same for cuboids, if both files have them
   axis           angle between the longest axes (theta_err of the paper)
-  centre, size   distance of the centres; mean relative error of the semi-axes
+  center, size   distance of the centers; mean relative error of the semi-axes
   outline, box   area IoU in the images, of the outlines and of their bounding boxes
 
 Below the table:

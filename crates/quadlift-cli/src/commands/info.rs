@@ -22,9 +22,9 @@ use crate::words::{count, some_of};
 /// Boxes that reach farther out of the image than this are counted (pixels).
 const OUTSIDE_TOLERANCE: f64 = 1.0;
 
-/// Summarise a scene file and report suspicious values
+/// Summarize a scene file and report suspicious values
 ///
-/// The file is validated as for localisation. Suspicious values that are not errors are listed and do not change the
+/// The file is validated as for localization. Suspicious values that are not errors are listed and do not change the
 /// exit code, not even if the scene is inconsistent.
 #[derive(clap::Args)]
 #[command(
@@ -155,7 +155,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         let source = report.sources.iter().find_map(|s| s.name.as_deref()).filter(|_| report.sources.len() > 1);
         let source = source.into_iter().flat_map(|name| ["--source".into(), Path::new(name).into()]);
         let words = ["localize".into(), path.into()].into_iter().chain(source).chain(["-o objects.json".into()]);
-        next = next.command(words, "localise the objects");
+        next = next.command(words, "localize the objects");
     }
     let next = next.command(["view".into(), path.into()], "view it in the browser");
     out.report(&(render(&report) + &next.text()))?;
@@ -293,7 +293,7 @@ fn boxes_reach(n: usize) -> String {
     if n == 1 { "1 box reaches".to_owned() } else { format!("{n} boxes reach") }
 }
 
-/// Whether there are several frames, all with one camera centre (to a millionth of the distance from the origin).
+/// Whether there are several frames, all with one camera center (to a millionth of the distance from the origin).
 fn one_point(scene: &Scene) -> bool {
     let mut centers = scene.frames.iter().filter_map(|frame| frame.projection.center_in_world());
     let Some(first) = centers.next() else { return false };

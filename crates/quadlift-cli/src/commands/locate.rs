@@ -258,7 +258,7 @@ fn options(args: &Args, map_file: &SceneFile) -> anyhow::Result<LocateOptions> {
 fn no_objects(map: &ObjectLandmarks) -> String {
     match map.left_out {
         0 => "there are no objects; expected a result of `quadlift localize`".to_owned(),
-        n => format!("none of {} was localised; expected a map with bodies", count(n, "object")),
+        n => format!("none of {} was localized; expected a map with bodies", count(n, "object")),
     }
 }
 

@@ -38,7 +38,7 @@ use crate::words::{count, duration};
     verbatim_doc_comment,
     after_help = "\
 Methods:
-  graphcut  graph cuts with the colours of all frames together
+  graphcut  graph cuts with the colors of all frames together
   sca       Stel Component Analysis, as in the paper
   masks     the masks given in the scene (from SAM, YOLO-seg, Mask R-CNN, ...)
 
@@ -164,7 +164,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         .into_iter()
         .chain(source)
         .chain(["-o objects.json --report objects.html".into()]);
-    let next = Next::default().command(words, "localise the objects from boxes and ellipses");
+    let next = Next::default().command(words, "localize the objects from boxes and ellipses");
     let of_video = of_video.map_or_else(String::new, |note| format!("note: {}\n", one_line(&note)));
     out.report(&(report(args, &segmentation, notes) + &of_video + &next.text()))?;
     out.document(&json!({

@@ -101,7 +101,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
 
-    /// What is known about categories: "builtin" (for scenes in metres) or a TOML file
+    /// What is known about categories: "builtin" (for scenes in meters) or a TOML file
     #[arg(long, value_name = "builtin|FILE.toml")]
     priors: Option<PathBuf>,
 

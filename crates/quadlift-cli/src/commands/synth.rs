@@ -25,7 +25,7 @@ use quadlift_io::synthetic_file::{scene_file, with_true_ids};
 
 /// Write a synthetic scene with ground truth
 ///
-/// Objects with random position, size and orientation lie in a cube of side 20; the cameras look at its centre from a
+/// Objects with random position, size and orientation lie in a cube of side 20; the cameras look at its center from a
 /// distance of 200. The ground truth is written as the `objects` of the scene; no estimator reads it. Options simulate
 /// a detector with misses and false positives, and the ids of a tracker, or no ids.
 ///
@@ -39,7 +39,7 @@ Noise (--noise, may be repeated):
   box:0.05   each box edge, Gaussian; relative to the box's mean half size
   re:45      angle of the ellipse, uniform; degrees
   se:0.3     size of the ellipse, uniform; one factor for both axes (se2: one for each axis)
-  te:0.3     centre of the ellipse, uniform; relative to the mean semi-axis (te2: to the mean full axis)
+  te:0.3     center of the ellipse, uniform; relative to the mean semi-axis (te2: to the mean full axis)
 
 Errors of what detections carry (--cue-noise, may be repeated; the defaults are those of networks for single images):
   outline:0.03
@@ -50,7 +50,7 @@ Errors of what detections carry (--cue-noise, may be repeated; the defaults are 
              noise of each depth, relative; measured over true depth of all; added to all, in world units; share that shows
              something behind
   distance:0.04 across:0.01
-             centre of each 3D box along the ray and across it, each way, relative to the distance
+             center of each 3D box along the ray and across it, each way, relative to the distance
   size:0.1 size-scale:1.08
              logarithm of each extent; measured over true extents of all
   yaw:8 flips:0.1 box3d-outliers:0.05
@@ -67,7 +67,7 @@ Camera positions (--trajectory):
 the visible pixels, and the true bodies are the smallest enclosing ellipsoids of the objects. It can be combined with
 --objects, --views, --noise box:X, --trajectory arc:SPAN and --seed.
 
---walkers writes fixed cameras (cam0, cam1, ...) at the walls of a hall of 8 x 6 m in which people walk, in metres, at instants half a
+--walkers writes fixed cameras (cam0, cam1, ...) at the walls of a hall of 8 x 6 m in which people walk, in meters, at instants half a
 second apart (`rig_frame` and `time` of frames). It can be combined with --cameras, --instants, --noise box:X, --misses,
 --false-boxes, --no-ids and --seed.
 
@@ -245,7 +245,7 @@ struct IdArgs {
     #[arg(long, value_name = "SHARE", value_parser = args::finite)]
     fragments: Option<f64>,
 
-    /// Simulate tracker ids: probability at each detection that its track and a neighbour's are swapped from then on
+    /// Simulate tracker ids: probability at each detection that its track and a neighbor's are swapped from then on
     #[arg(long, value_name = "SHARE", value_parser = args::finite)]
     switches: Option<f64>,
 
@@ -279,7 +279,7 @@ struct Rendering {
     #[arg(long, value_name = "KIND,...", value_delimiter = ',', value_parser = kind, requires = "render")]
     kinds: Vec<ObjectKind>,
 
-    /// Fraction of the objects that have the colour of the ground, from 0 to 1 [default: 0.25]
+    /// Fraction of the objects that have the color of the ground, from 0 to 1 [default: 0.25]
     #[arg(long, value_name = "SHARE", value_parser = args::finite, requires = "render")]
     camouflage: Option<f64>,
 
@@ -354,7 +354,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     ))?;
     let path = args.output.as_path();
     Next::default()
-        .command(["localize".into(), path.into(), "-o objects.json".into()], "localise its objects")
+        .command(["localize".into(), path.into(), "-o objects.json".into()], "localize its objects")
         .command(["view".into(), path.into()], "view it in the browser")
         .tell(out)?;
     out.document(&json!({

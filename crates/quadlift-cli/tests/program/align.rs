@@ -68,12 +68,12 @@ fn maps_are_aligned_and_merged() {
 }
 
 #[test]
-fn objects_are_localised_from_the_detections_of_both_maps() {
+fn objects_are_localized_from_the_detections_of_both_maps() {
     let folder = Folder::new();
     // After association results have detections.
     two_maps(&folder, "--no-ids --misses 0.1");
     let text = folder.succeed("align a.json b.json -o merged.json");
-    assert!(text.contains("localised 16 of 16 objects from the detections of both maps"), "{text}");
+    assert!(text.contains("localized 16 of 16 objects from the detections of both maps"), "{text}");
     let merged = folder.json("merged.json");
     let frames = |id: &Value| {
         let of_object = merged["detections"].as_array().unwrap().iter().filter(|d| &d["object"] == id);

@@ -37,7 +37,7 @@ fn localize_finds_the_objects_by_itself() {
     let folder = Folder::new();
     scene_without_ids(&folder);
     let report: Value = serde_json::from_str(&folder.succeed("localize scene.json -o found.json --json")).unwrap();
-    assert_eq!(report["scenes"][0]["localised"], 6);
+    assert_eq!(report["scenes"][0]["localized"], 6);
     assert_eq!(report["scenes"][0]["association"]["clutter"], 0);
     folder.succeed("associate -q scene.json -o associated.json");
     folder.succeed("localize -q associated.json -o in_two_steps.json");

@@ -178,7 +178,7 @@ fn streams() -> Vec<Case> {
         called("--rerun and its value without =", 2, "stream --rerun out.rrd"),
         called("a recording of a stream in a folder that does not exist", 1, "stream scene.json --rerun=no/out.rrd"),
         called("an object that keeps too few views", 2, "stream scene.json --max-views 2"),
-        called("built-in priors without metres", 1, "stream scene.json --priors builtin"),
+        called("built-in priors without meters", 1, "stream scene.json --priors builtin"),
         lines("a state that is no JSON", "{", "stream --state state --resume"),
         lines("a state that is none", "{}", "stream --state state --resume"),
         lines(
@@ -213,7 +213,7 @@ fn looks() -> Vec<Case> {
     ]
 }
 
-/// Valid scenes in which no object can be localised: the message tells why.
+/// Valid scenes in which no object can be localized: the message tells why.
 fn hopeless() -> Vec<Case> {
     vec![
         changed("an empty scene", |scene| {
@@ -587,7 +587,7 @@ fn choices() -> Vec<Case> {
     vec![
         changed("several sources and none chosen", sources),
         unknown,
-        called("built-in priors without metres", 1, "localize scene.json -o out.json --priors builtin"),
+        called("built-in priors without meters", 1, "localize scene.json -o out.json --priors builtin"),
         priors,
         called("a file of priors that does not exist", 1, "localize scene.json -o out.json --priors no.toml"),
         called("priors for a closed form", 2, "localize scene.json -o out.json --method lfd --priors builtin"),
@@ -650,7 +650,7 @@ fn associations() -> Vec<Case> {
         }),
         nameless("a score that is no number", ASSOCIATE, |scene| scene["detections"][0]["score"] = json!("high")),
         nameless(
-            "sizes in metres, a scene without a unit",
+            "sizes in meters, a scene without a unit",
             "associate scene.json -o out.json --priors builtin",
             |_| {},
         ),
@@ -786,7 +786,7 @@ fn exports() -> Vec<Case> {
         of_truth("frusta of a negative depth", 2, "export ply truth.json -o out.ply --frusta=-1"),
         of_truth("an origin of two numbers", 2, "export geojson truth.json -o out.json --origin 48.2,16.37"),
         of_truth("places on Earth without an origin", 1, "export geojson truth.json -o out.json"),
-        of_truth("places on Earth without metres", 1, "export geojson truth.json -o out.json --origin 48.2,16.37,170"),
+        of_truth("places on Earth without meters", 1, "export geojson truth.json -o out.json --origin 48.2,16.37,170"),
         of_truth("an unknown format", 2, "export obj truth.json -o out.obj"),
         of_truth("Parquet, which the program was built without", 2, "export parquet truth.json -o new"),
         of_truth("a recording in a folder with files", 1, "export rerun truth.json -o tables"),
@@ -858,7 +858,7 @@ fn check(case: &Case) -> String {
         assert!(status("failed") >= 1 && status("ok") >= 3, "{title}: {scene}");
     } else {
         // Every object has its status in the result; where nothing else is said, some are "ok".
-        let failed = run.code == 3 || run.stderr.ends_with("no object could be localised\n");
+        let failed = run.code == 3 || run.stderr.ends_with("no object could be localized\n");
         for object in folder.json("out.json")["objects"].as_array().unwrap() {
             assert_eq!(object["status"] == "ok", !failed, "{title}");
         }
@@ -882,7 +882,7 @@ fn document() -> String {
     let sections = [
         ("Files", files()),
         ("Entries of a scene", entries()),
-        ("Scenes in which nothing can be localised", hopeless()),
+        ("Scenes in which nothing can be localized", hopeless()),
         ("Detections without identities", associations()),
         ("Images and masks", images()),
         ("Detections of other programs", detections()),

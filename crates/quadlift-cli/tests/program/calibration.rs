@@ -16,7 +16,7 @@ fn a_result_says_how_its_regions_are_calibrated() {
     fine("localize known.json -o result.json --body ellipsoid");
     let run = fine("localize new.json -o out.json --body ellipsoid --calibration result.json known.json");
     assert!(
-        run.stdout.contains("regions calibrated on 30 objects: the 95 % region of a centre ends at"),
+        run.stdout.contains("regions calibrated on 30 objects: the 95 % region of a center ends at"),
         "{}",
         run.stdout
     );
@@ -27,7 +27,7 @@ fn a_result_says_how_its_regions_are_calibrated() {
     let (half, most) = (limit("center", "0.5").unwrap(), limit("center", "0.95").unwrap());
     assert!(0.0 < half && half < most);
     assert_eq!(limit("body", "0.99"), None);
-    // The scene that is localised has a truth of its own, which is not looked at: covariances are the same without.
+    // The scene that is localized has a truth of its own, which is not looked at: covariances are the same without.
     fine("localize new.json -o plain.json --body ellipsoid");
     assert_eq!(folder.json("out.json")["objects"], folder.json("plain.json")["objects"]);
 }

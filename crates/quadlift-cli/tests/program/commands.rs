@@ -62,14 +62,14 @@ fn a_brief_result_leaves_out_what_takes_space_and_its_page_nothing() {
 }
 
 #[test]
-fn a_small_scene_is_localised_and_scored() {
+fn a_small_scene_is_localized_and_scored() {
     let folder = Folder::new();
     folder.succeed("synth -o scene.json --objects 3 --views 8 --seed 4 --noise box:0.03");
     insta::assert_snapshot!("localize", folder.succeed("localize scene.json -o estimate.json"));
     // The names of the noise levels are for those who ask, and times are milliseconds or seconds.
     let details = folder.run("localize scene.json -v").stderr;
     assert!(details.contains("noise levels: edge_relative 0.0"), "{details}");
-    assert!(details.contains("ms, localised in ") && !details.contains('µ'), "{details}");
+    assert!(details.contains("ms, localized in ") && !details.contains('µ'), "{details}");
     insta::assert_snapshot!("evaluate", folder.succeed("evaluate estimate.json scene.json"));
     let result = folder.json("estimate.json");
     insta::assert_snapshot!(
@@ -88,7 +88,7 @@ fn a_small_scene_is_localised_and_scored() {
 }
 
 #[test]
-fn parts_of_a_scene_are_localised_apart_with_given_noise_levels() {
+fn parts_of_a_scene_are_localized_apart_with_given_noise_levels() {
     let folder = Folder::new();
     folder.succeed("synth -o scene.json --objects 6 --views 10 --seed 5 --noise box:0.03 --outliers 0.1");
     folder.succeed("localize scene.json -o found.json");
@@ -118,7 +118,7 @@ fn parts_of_a_scene_are_localised_apart_with_given_noise_levels() {
 }
 
 #[test]
-fn cuboids_are_localised_and_scored() {
+fn cuboids_are_localized_and_scored() {
     let folder = Folder::new();
     folder.succeed("synth -o scene.json --objects 3 --views 20 --seed 2 --body cuboid");
     folder.succeed("localize scene.json -o estimate.json --body cuboid");
@@ -140,7 +140,7 @@ fn json_is_one_document_and_silence_is_silent() {
     let run = folder.run("localize no.json scene.json --json");
     let document: Value = serde_json::from_str(&run.stdout).unwrap();
     assert_eq!(document["scenes"][0]["error"], "no.json: there is no such file");
-    assert_eq!(document["scenes"][1]["localised"], 2);
+    assert_eq!(document["scenes"][1]["localized"], 2);
     assert_eq!(run.code, 1);
     let run = folder.run("info no.json --json");
     assert_eq!(serde_json::from_str::<Value>(&run.stdout).unwrap()["error"], "no.json: there is no such file");
@@ -320,7 +320,7 @@ fn poses_that_contradict_the_boxes_can_be_refined_and_a_wrong_image_size_cannot(
         run.stderr
     );
     let about = &folder.json("out.json")["localization"];
-    assert!(about["diagnosis"]["consistent"] == true && about["localised"] == 12, "{about}");
+    assert!(about["diagnosis"]["consistent"] == true && about["localized"] == 12, "{about}");
     folder.succeed(&format!("{synth} -o scene.json"));
     let mut scene = folder.json("scene.json");
     for detection in scene["detections"].as_array_mut().unwrap() {
@@ -353,7 +353,7 @@ fn priors_act_where_the_unit_is_known() {
 }
 
 #[test]
-fn sizes_that_things_do_not_have_are_named_where_lengths_are_metres() {
+fn sizes_that_things_do_not_have_are_named_where_lengths_are_meters() {
     let folder = Folder::new();
     let mut scene = folder.small_scene();
     for detection in scene["detections"].as_array_mut().unwrap() {
@@ -366,7 +366,7 @@ fn sizes_that_things_do_not_have_are_named_where_lengths_are_metres() {
         objects.iter().filter(|o| o["warnings"].to_string().contains("implausible size: ")).count()
     };
     assert_eq!(warnings(&scene), 0);
-    // Cups of several metres.
+    // Cups of several meters.
     scene["length_unit"] = json!("m");
     assert_eq!(warnings(&scene), 2);
 }

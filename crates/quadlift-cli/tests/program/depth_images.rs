@@ -168,7 +168,7 @@ missing.png 1: error: depth/missing.png: there is no such file
 cut.png 1: error: depth/cut.png: the PNG image is damaged or cut off (unexpected end of file)
 text.png 1: error: depth/text.png: this is not an image: expected PNG or JPEG
 gray.png 1: error: depth/gray.png: the image is in greyscale with 8 bits; expected a depth image in greyscale with 16 bits
-color.png 1: error: depth/color.png: the image is in colour with 8 bits; expected a depth image in greyscale with 16 bits
+color.png 1: error: depth/color.png: the image is in color with 8 bits; expected a depth image in greyscale with 16 bits
 flat.png 1: error: depth/flat.png: the depth image has 160 x 60 pixels; the camera of frame "000000" has 1280 x 960: expected as many, or both sides smaller by one factor
 zero.png 1: warning: damaged.json: no pixel of a detection has a depth in the depth images; expected counts above 0
 {"path":"depth/0.png"} 1: error: damaged.json:164:7: frames[0].depth: missing field `scale` ("depth": of a detection {"median": number, "sd": number, "source": "..."}, of a frame {"path": "...", "scale": world units of one count})

@@ -176,7 +176,7 @@ fn the_objects_of_the_tutorial_are_found_where_they_are() {
     let first = folder.read("objects.json");
     let json = parse(&folder.succeed("localize --cameras sparse/0 --detections labels -o objects.json --json"));
     assert_eq!(folder.read("objects.json"), first);
-    assert_eq!((&json["scenes"][0]["cameras"], &json["scenes"][0]["localised"]), (&json!("sparse/0"), &json!(6)));
+    assert_eq!((&json["scenes"][0]["cameras"], &json["scenes"][0]["localized"]), (&json!("sparse/0"), &json!(6)));
 }
 
 #[test]

@@ -33,7 +33,7 @@ fn mistakes_are_named_and_mended_by_their_options() {
         let info = folder.succeed("info wrong.json");
         assert!(info.contains(words), "{name}: {info}");
 
-        // Accepted, the scene is localised as it is.
+        // Accepted, the scene is localized as it is.
         let run = folder.run("localize wrong.json -o accepted.json --accept-inconsistent");
         assert!(run.code != 3, "{name}: {}", run.stderr);
 
@@ -278,7 +278,7 @@ fn reversed_boxes_point_to_the_box_format() {
     folder.write_json("wrong.json", &with_boxes(&right, |b| [b[0], b[1], b[2] - b[0], b[3] - b[1]]));
     let run = folder.run("localize wrong.json");
     assert!(run.code == 1 && run.stderr.contains("--assume boxes=xywh"), "{}", run.stderr);
-    assert!(folder.succeed("localize wrong.json --assume boxes=xywh").contains("8 of 8 objects localised"));
+    assert!(folder.succeed("localize wrong.json --assume boxes=xywh").contains("8 of 8 objects localized"));
 }
 
 /// Mistakes that no convention explains: in `up`, the ids, the poses, the unit of lengths.
@@ -325,7 +325,7 @@ fn mistakes_without_a_convention_are_named() {
     }
     check("duplicate_poses", &scene, "", "33 % of the frames repeat the pose of another frame", None);
 
-    // Millimetres beside priors in metres.
+    // Millimeters beside priors in meters.
     let mut scene = with_poses(&right, |pose| pose.map(|[a, b, c, t]| [a, b, c, 1000.0 * t]));
     for detection in scene["detections"].as_array_mut().unwrap() {
         detection["category"] = json!("thing");

@@ -149,7 +149,7 @@ fn images_of_a_recording_are_those_of_the_pinhole_camera() {
     scene["cameras"][0]["model"] = json!("SIMPLE_RADIAL");
     scene["cameras"][0]["params"] = json!([f, cx, cy, -0.3]);
     folder.write_json("lens.json", &scene);
-    // A disc where the lens shows the pinhole pixel (135, cy): at r (1 + k r^2) of the centre.
+    // A disc where the lens shows the pinhole pixel (135, cy): at r (1 + k r^2) of the center.
     let r = (135.0 - cx) / f;
     let place = cx + f * r * (1.0 - 0.3 * r * r);
     assert!(place < 134.0, "{place}");
@@ -208,10 +208,10 @@ fn objects_have_places_on_earth() {
     let mut scene = folder.json("scene.json");
     scene["length_unit"] = json!("m");
     scene["up"] = json!([0, 0, 1]);
-    folder.write_json("metres.json", &scene);
+    folder.write_json("meters.json", &scene);
     scene["reference_lla"] = json!({"latitude": -33.9, "longitude": 151.2, "altitude": 10.5});
     folder.write_json("placed.json", &scene);
-    for name in ["metres", "placed"] {
+    for name in ["meters", "placed"] {
         folder.succeed(&format!("localize {name}.json -o {name}.result.json --body cuboid"));
     }
     // The result keeps the place.
@@ -220,9 +220,9 @@ fn objects_have_places_on_earth() {
     - north is the horizontal part of the world's (0, 1, 0)
     - the origin is the reference_lla of the scene
     ");
-    folder.succeed("export geojson metres.result.json -o metres.geojson --origin -33.9,151.2,10.5");
-    let (placed, metres) = (folder.json("placed.geojson"), folder.json("metres.geojson"));
-    assert_eq!(placed, metres);
+    folder.succeed("export geojson meters.result.json -o meters.geojson --origin -33.9,151.2,10.5");
+    let (placed, meters) = (folder.json("placed.geojson"), folder.json("meters.geojson"));
+    assert_eq!(placed, meters);
     let features = placed["features"].as_array().unwrap();
     assert_eq!((placed["type"].as_str(), features.len()), (Some("FeatureCollection"), 6));
     // Another north turns the points about the origin.

@@ -3,13 +3,13 @@
 use crate::common::{Folder, real_scenes};
 use serde_json::{Value, json};
 
-/// Imports, localises and evaluates; gives the evaluation.
+/// Imports, localizes and evaluates; gives the evaluation.
 fn score(import: &[&str], localize: &str) -> Value {
     let folder = Folder::new();
     let run = folder.run_list(&[&["import"], import, &["-o", "scene.json"]].concat());
     assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
     let info = folder.succeed("info scene.json");
-    assert!(!info.contains("other poses") && !info.contains("behind") && !info.contains("millimetres"), "{info}");
+    assert!(!info.contains("other poses") && !info.contains("behind") && !info.contains("millimeters"), "{info}");
     folder.succeed(&format!("localize scene.json -o estimate.json {localize}"));
     serde_json::from_str(&folder.succeed("evaluate estimate.json scene.json --json")).unwrap()
 }
@@ -19,7 +19,7 @@ fn mean(scores: &Value, name: &str) -> f64 {
 }
 
 #[test]
-fn a_kitti_sequence_is_imported_localised_and_evaluated() {
+fn a_kitti_sequence_is_imported_localized_and_evaluated() {
     let Some(data) = real_scenes() else { return };
     let folder = data.parent().unwrap().join("kitti_tracking");
     let import = ["kitti", folder.to_str().unwrap(), "--sequence", "0001", "--frames", "90-106"];
@@ -30,7 +30,7 @@ fn a_kitti_sequence_is_imported_localised_and_evaluated() {
 }
 
 #[test]
-fn a_bop_scene_is_imported_localised_and_evaluated() {
+fn a_bop_scene_is_imported_localized_and_evaluated() {
     let Some(data) = real_scenes() else { return };
     let folder = data.parent().unwrap().join("linemod/bop/test/000009");
     let scores = score(&["bop", folder.to_str().unwrap(), "--world-object", "9"], "--source bbox_obj");
@@ -69,17 +69,17 @@ fn points_of_a_colmap_model_are_shown_in_the_page() {
         let given = folder.json("scene.json");
         let given = given["points"].as_array().unwrap().iter().flat_map(|point| point.as_array().unwrap());
         assert_eq!(shown.len(), 900, "{page}");
-        // Rounded to five digits of the extent: the table is a metre wide.
+        // Rounded to five digits of the extent: the table is a meter wide.
         for (a, b) in shown.iter().zip(given) {
             assert!((a - b.as_f64().unwrap()).abs() <= 5.1e-6, "{page}: {a} {b}");
         }
         assert!(data["points"].to_string().len() < 900 * 9, "{page}");
     }
-    // In millimetres everything is a thousand times as large.
+    // In millimeters everything is a thousand times as large.
     folder.succeed("import yolo labels --into scene.json -o detected.json");
-    folder.succeed("localize detected.json -o metres.json --assume pose_unit=mm --accept-inconsistent");
+    folder.succeed("localize detected.json -o meters.json --assume pose_unit=mm --accept-inconsistent");
     let first = |name: &str| folder.json(name)["points"][0][0].as_f64().unwrap();
-    assert!((first("metres.json") / first("scene.json") - 1e-3).abs() < 1e-12);
+    assert!((first("meters.json") / first("scene.json") - 1e-3).abs() < 1e-12);
 
     folder.write("wrong.json", r#"{"format": "quadlift.scene", "version": 1, "points": [[0, 0, 1], [1, 2]]}"#);
     let run = folder.run("info wrong.json");

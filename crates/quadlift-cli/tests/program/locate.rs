@@ -43,7 +43,7 @@ fn map_and_query_of(folder: &Folder, synth: &str, categories: usize) -> Vec<(Str
     taken
 }
 
-/// Distance of the centres of two cameras.
+/// Distance of the centers of two cameras.
 fn apart(a: &Value, b: &Value) -> f64 {
     let number = |pose: &Value, i: usize, j: usize| pose[i][j].as_f64().unwrap();
     let center =
@@ -168,7 +168,7 @@ fn hostile_maps_and_images_are_answered() {
     });
     let of_row = statuses("row.json query.json");
     assert!(of_row.iter().all(|status| status != "ok"), "{of_row:?}");
-    // Millimetres: the same poses in the unit of the map.
+    // Millimeters: the same poses in the unit of the map.
     with_objects("mm.json", &|objects| {
         for object in objects.iter_mut() {
             let body = object["ellipsoid"].clone();

@@ -3,7 +3,7 @@
 use crate::common::Folder;
 use serde_json::{Value, json};
 
-/// A street in metres, its result with given noise levels, and its log.
+/// A street in meters, its result with given noise levels, and its log.
 fn street() -> (Folder, Value) {
     let folder = Folder::new();
     folder.succeed("synth -o scene.json --objects 12 --views 40 --trajectory street --noise box:0.02");
@@ -25,7 +25,7 @@ const END_OF_DATA: u8 = 0x0F;
 /// With given levels an object depends on its own views alone.
 const GIVEN: &str = "--body ellipsoid --sigmas edge_relative=0.02,edge_px=1";
 
-/// The largest difference of the centres, relative to their distances from the origin.
+/// The largest difference of the centers, relative to their distances from the origin.
 fn difference(folder: &Folder, found: &str) -> f64 {
     let objects = |name: &str| folder.json(name)["objects"].as_array().unwrap().clone();
     let (found, expected) = (objects(found), objects("expected.json"));

@@ -3,7 +3,7 @@
 use crate::common::{Folder, real_scenes};
 use serde_json::Value;
 
-/// Localises a real scene and gives the evaluation.
+/// Localizes a real scene and gives the evaluation.
 fn score(scene: &str, options: &str) -> Option<Value> {
     let path = real_scenes()?.join(scene);
     let folder = Folder::new();

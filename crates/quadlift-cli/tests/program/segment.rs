@@ -4,7 +4,7 @@ use crate::common::{Folder, RENDER};
 use image::{DynamicImage, ImageBuffer, Luma};
 use serde_json::{Value, json};
 
-/// The ellipse of a detection: centre, semi-axes, angle.
+/// The ellipse of a detection: center, semi-axes, angle.
 fn ellipse(detection: &Value) -> [f64; 5] {
     let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("{detection}"));
     let e = &detection["ellipse"];
@@ -29,7 +29,7 @@ fn the_whole_way_from_images_to_objects() {
     assert_eq!(
         text,
         "wrote r/scene.json: 2 objects, 6 views with images and masks, 12 detections, 0 of them outliers\n\nNext\n  \
-         localise its objects    quadlift localize r/scene.json -o objects.json\n  \
+         localize its objects    quadlift localize r/scene.json -o objects.json\n  \
          view it in the browser  quadlift view r/scene.json\n"
     );
     assert_eq!(std::fs::read_dir(folder.path("r/images")).unwrap().count(), 6);
@@ -212,7 +212,7 @@ fn one_source_is_segmented() {
     assert_eq!(result[4..], scene["detections"].as_array().unwrap()[4..]);
 }
 
-/// Grey images and images of 16 bits are segmented like others.
+/// Gray images and images of 16 bits are segmented like others.
 #[test]
 fn images_of_all_kinds_are_taken() {
     let folder = Folder::new();
@@ -275,7 +275,7 @@ fn masks_are_an_observation_of_their_own() {
     folder.write_json("wrong.json", &scene);
     let run = folder.run("localize wrong.json -o objects.json --observations mask");
     assert!(run.code == 1 && run.stderr.contains("masks/000001.png: no pixel has the value 9"), "{}", run.stderr);
-    assert!(run.stdout.contains(": 2 of 2 objects localised"), "{}", run.stdout);
+    assert!(run.stdout.contains(": 2 of 2 objects localized"), "{}", run.stdout);
     assert_eq!(folder.json("objects.json")["objects"][1]["view_residuals_px"].as_array().map(Vec::len), Some(7));
 }
 
@@ -307,5 +307,5 @@ fn what_the_segmentation_says_of_masks_is_heard() {
     let fallen = noise("fallen.json");
     assert!(fallen["shape"].is_null() && fallen["edge_relative"].is_number(), "{fallen}");
     let run = folder.run("localize fallen.json --observations mask");
-    assert!(run.code == 1 && run.stderr.contains("no object could be localised"), "{}", run.stderr);
+    assert!(run.code == 1 && run.stderr.contains("no object could be localized"), "{}", run.stderr);
 }

@@ -87,7 +87,7 @@ fn a_scene_is_replayed_and_its_map_is_a_result() {
     folder.succeed("export ply map.json -o map.ply");
     folder.succeed("view map.json truth.json --no-browser");
     folder.succeed("localize map.json -o again.json --quiet");
-    assert_eq!(folder.json("again.json")["localization"]["localised"], 6);
+    assert_eq!(folder.json("again.json")["localization"]["localized"], 6);
 }
 
 #[test]
@@ -227,7 +227,7 @@ fn depths_and_3d_boxes_reach_the_map_the_state_and_the_estimates() {
     folder.succeed("stream scene.jsonl -q --state state.json --resume --map again.json");
     assert_eq!(folder.read("again.json"), folder.read("lines.json"));
     // The corrected world is a hundred times smaller, and so are its lengths.
-    folder.succeed("localize scene.json -q -o metres.json --assume pose_unit=cm");
+    folder.succeed("localize scene.json -q -o meters.json --assume pose_unit=cm");
     let sizes = |path: &str, factor: f64| -> Vec<i64> {
         let axes = folder.json(path)["objects"].as_array().unwrap().clone();
         let axes = axes.iter().map(|o| o["ellipsoid"]["semi_axes"][0].as_f64().unwrap() * factor * 1e3);
@@ -236,7 +236,7 @@ fn depths_and_3d_boxes_reach_the_map_the_state_and_the_estimates() {
         axes
     };
     folder.succeed("localize scene.json -q -o given.json");
-    assert_eq!(sizes("metres.json", 100.0), sizes("given.json", 1.0));
+    assert_eq!(sizes("meters.json", 100.0), sizes("given.json", 1.0));
 }
 
 #[test]

@@ -114,7 +114,7 @@ fn crowded_frames_and_ids_that_change_meaning_take_bounded_time() {
     let start = Instant::now();
     let (events, code, told) = stream(&folder, "stream --map map.json", &input);
     assert_eq!(code, 0, "{told}");
-    // Seconds on a loaded machine, in a build that is not optimised.
+    // Seconds on a loaded machine, in a build that is not optimized.
     assert!(start.elapsed() < Duration::from_secs(120), "{:?}", start.elapsed());
     let of_crowd = events.iter().find(|line| line["frame"] == crowded["frame"]).unwrap();
     assert_eq!(of_crowd["objects"].as_array().unwrap().len(), 5000);

@@ -209,10 +209,10 @@ fn recorded(folder: &Folder, title: &str, story: &str, wrong: &str) -> String {
     let options: Vec<&str> = causes.iter().map(|cause| cause["option"].as_str().unwrap()).collect();
     let command = format!("{wrong} {}", options.join(" "));
     let mended = folder.succeed(&command);
-    let summary = mended.lines().find(|line| line.contains("localised")).unwrap();
+    let summary = mended.lines().find(|line| line.contains("localized")).unwrap();
     // Where detections are matched with cameras, options work on them before there is a scene to correct.
     let corrected = mended.lines().any(|line| line.starts_with("corrected: "));
-    assert!(summary.contains("objects localised") && (corrected || wrong.contains("--cameras")), "{title}: {mended}");
+    assert!(summary.contains("objects localized") && (corrected || wrong.contains("--cameras")), "{title}: {mended}");
     let mut text = format!("\n{title}\n\n{}\n\n", wrapped(story));
     writeln!(text, "```text\n{}\n```", wrapped(run.stderr.trim_end())).unwrap();
     text

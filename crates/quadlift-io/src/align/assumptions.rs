@@ -5,7 +5,7 @@ use quadlift::nalgebra::{Unit, Vector3};
 
 use super::map_objects::MapObjects;
 use crate::scene_file::SceneFile;
-use crate::write::metres_of;
+use crate::write::meters_of;
 
 /// Where the scale between two maps comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -21,8 +21,8 @@ pub enum MapScale {
 
 /// How long a unit of the second file is in units of the first one, if both have a known `length_unit`.
 pub fn scale_of_units(a: &SceneFile, b: &SceneFile) -> Option<f64> {
-    let metres = |file: &SceneFile| metres_of(file.length_unit.as_deref()?);
-    Some(metres(b)? / metres(a)?)
+    let meters = |file: &SceneFile| meters_of(file.length_unit.as_deref()?);
+    Some(meters(b)? / meters(a)?)
 }
 
 /// The options for two files; `up_sd` is the standard deviation of the angle between their `up` (radians), if these are used where both have

@@ -13,7 +13,7 @@ pub struct MapObjects {
     pub ids: Vec<String>,
     /// The objects, in the order of the ids.
     pub objects: Vec<MapObject>,
-    /// Number of objects that are left out: not localised, or gone.
+    /// Number of objects that are left out: not localized, or gone.
     pub left_out: usize,
 }
 

@@ -20,13 +20,13 @@ pub struct Merged {
     pub renamed_frames: Vec<(String, String)>,
     /// The same of objects that are not matched.
     pub renamed_objects: Vec<(String, String)>,
-    /// Whether both files have detections of objects, so that the objects can be localised from all of them.
+    /// Whether both files have detections of objects, so that the objects can be localized from all of them.
     pub has_detections: bool,
 }
 
 /// Moves the second file into the frame of the first one and adds it. Objects that are matched have one id, that of the first file; of
 /// other objects, frames and cameras of the second file whose ids are taken, the ids get a prefix. Cameras that are equal are one. Of the
-/// two estimates of a matched object, the one with the smaller variance of the centre is kept. Where the scale was estimated, sources of depths
+/// two estimates of a matched object, the one with the smaller variance of the center is kept. Where the scale was estimated, sources of depths
 /// and 3D boxes of the second file get the prefix, too: they have another scale there.
 ///
 /// # Errors
@@ -138,7 +138,7 @@ fn ids_of(file: &SceneFile) -> BTreeSet<String> {
     file.objects.iter().map(|object| object.id.as_str()).chain(of_detections).map(str::to_owned).collect()
 }
 
-/// Whether the centre of the one estimate has the smaller variance. Without a covariance it is the truth.
+/// Whether the center of the one estimate has the smaller variance. Without a covariance it is the truth.
 fn is_better(one: &ObjectRecord, other: &ObjectRecord) -> bool {
     let variance =
         |object: &ObjectRecord| object.covariance.as_ref().map_or(0.0, |c| (0..3).map(|k| c.matrix[k][k]).sum::<f64>());

@@ -115,7 +115,7 @@ fn move_object(object: &mut ObjectRecord, to: &Similarity) {
     }
 }
 
-/// The centre is in the world, and so is the shape matrix; rotation vectors and log axes are in the object's frame.
+/// The center is in the world, and so is the shape matrix; rotation vectors and log axes are in the object's frame.
 fn move_covariance(covariance: &mut CovarianceRecord, to: &Similarity) {
     let rotation = to.rotation.matrix();
     let mut by = DMatrix::identity(9, 9);

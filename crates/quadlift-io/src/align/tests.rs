@@ -46,7 +46,7 @@ fn map(places: &[(&str, [f64; 3])]) -> SceneFile {
     parse_scene_file("map.json".as_ref(), text.to_string().as_bytes()).unwrap()
 }
 
-/// A covariance of centre and shape that is no multiple of anything.
+/// A covariance of center and shape that is no multiple of anything.
 fn covariance() -> Vec<Vec<f64>> {
     let factor =
         SMatrix::<f64, 9, 9>::from_fn(|i, j| if i >= j { 0.002 + 0.001 * ((i * 3 + j * 5) % 7) as f64 } else { 0.0 });
@@ -124,7 +124,7 @@ fn the_covariance_of_a_moved_object_is_that_of_its_moved_errors() {
     moved.move_by(&to).unwrap();
     let [before, after] = [&file, &moved].map(|file| file.to_objects().unwrap().remove(0));
     let body = before.ellipsoid.unwrap();
-    // A small error of centre and shape, in both frames.
+    // A small error of center and shape, in both frames.
     let coordinates = |body: &Ellipsoid| {
         let mut all = SMatrix::<f64, 9, 1>::zeros();
         all.fixed_rows_mut::<3>(0).copy_from(&body.center.coords);
@@ -244,7 +244,7 @@ fn units_decide_the_scale_and_objects_contradict_it() {
     assert_eq!((found.status, contradiction), (AlignStatus::Ok, None));
     let record = alignment_record(&found, [&of_a, &of_b]);
     assert_eq!((&record["status"], &record["matches"][0]["b"]), (&json!("ok"), &json!("b:p")));
-    // A map that says metres and is in millimetres.
+    // A map that says meters and is in millimeters.
     b.length_unit = Some("m".to_owned());
     let (found, contradiction) = align_checked(&of_a, &of_b, &options_of(&a, &b, MapScale::OfUnits, Some(0.03)));
     assert_ne!(found.status, AlignStatus::Ok);
@@ -252,7 +252,7 @@ fn units_decide_the_scale_and_objects_contradict_it() {
     assert!(alignment_record(&found, [&of_a, &of_b]).get("a_from_b").is_none());
     b.length_unit = Some("parsec".to_owned());
     assert_eq!((scale(&b, MapScale::OfUnits), scale(&b, MapScale::Rigid)), (None, Some(1.0)));
-    // Metres that are 6 % too long are not taken as metres.
+    // Meters that are 6 % too long are not taken as meters.
     let [_, long] = two_maps(1.06);
     let [of_a, of_b] = maps(&long);
     let (found, contradiction) = align_checked(&of_a, &of_b, &options_of(&a, &long, MapScale::OfUnits, Some(0.03)));

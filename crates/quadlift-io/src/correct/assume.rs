@@ -135,7 +135,7 @@ pub const KEYS: [Key; 12] = [
     Key {
         name: "pose_unit",
         value: "UNIT",
-        meaning: "unit of the poses' translations: mm, cm, m, km, in, ft or its length in metres; the scene is converted to metres",
+        meaning: "unit of the poses' translations: mm, cm, m, km, in, ft or its length in meters; the scene is converted to meters",
         read: |text| Ok(Some(RecordCorrection::PoseUnit(pose_unit(text)?))),
     },
     Key {
@@ -235,10 +235,10 @@ fn orientation(text: &str) -> Result<Option<Correction>, String> {
     }
 }
 
-/// The length of a unit in metres.
+/// The length of a unit in meters.
 fn pose_unit(text: &str) -> Result<f64, String> {
     let length = text.parse().ok().filter(|length: &f64| length.is_finite() && *length > 0.0);
-    length.map_or_else(|| of_name(&UNITS, text).map_err(|error| format!("{error}, or a length in metres")), Ok)
+    length.map_or_else(|| of_name(&UNITS, text).map_err(|error| format!("{error}, or a length in meters")), Ok)
 }
 
 /// Reads the value of `--up`: an axis such as `-y`, or a direction X,Y,Z.
@@ -330,7 +330,7 @@ mod tests {
     fn lengths_are_those_of_units_or_numbers() {
         assert_eq!(pose_unit("mm"), Ok(1e-3));
         assert_eq!(pose_unit("0.27"), Ok(0.27));
-        assert!(pose_unit("-1").unwrap_err().contains("m, cm, mm, km, ft, in, or a length in metres"));
+        assert!(pose_unit("-1").unwrap_err().contains("m, cm, mm, km, ft, in, or a length in meters"));
         for (found, meant) in [(0.9, 1.0), (0.0008, 1e-3), (0.033, 0.0254), (0.27, 0.3048), (5.123, 5.1)] {
             assert_eq!(nearest_unit(found), meant);
         }

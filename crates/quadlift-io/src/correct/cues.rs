@@ -158,7 +158,7 @@ mod tests {
         assert_eq!((before.size, before.rotation), (after.size, after.rotation));
     }
 
-    /// Centre, rotation vector and logarithms of the half extents of one box against those of another.
+    /// Center, rotation vector and logarithms of the half extents of one box against those of another.
     fn difference(found: &Box3dRecord, from: &Box3dRecord) -> SVector<f64, 9> {
         let turn = |record: &Box3dRecord| rotation_from_quaternion(record.rotation.unwrap()).unwrap();
         let center = Vector3::from(found.center.unwrap()) - Vector3::from(from.center.unwrap());

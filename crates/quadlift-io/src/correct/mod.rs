@@ -46,12 +46,12 @@ pub fn correct(file: &mut SceneFile, corrections: &[RecordCorrection]) -> Result
                 notes.push(format!("the boxes of {} were corrected", count(detections, "detection")));
             }
             RecordCorrection::FrameOffset(offset) => notes.push(frames::correct(file, &frames::shift(offset))),
-            RecordCorrection::PoseUnit(metres) => {
-                let frames = poses::scale(file, metres);
-                move_contents(file, &Correction::Lengths(metres));
+            RecordCorrection::PoseUnit(meters) => {
+                let frames = poses::scale(file, meters);
+                move_contents(file, &Correction::Lengths(meters));
                 file.length_unit = Some("m".to_owned());
                 notes.push(format!(
-                    "the lengths of {} were multiplied by {metres} and are now in metres",
+                    "the lengths of {} were multiplied by {meters} and are now in meters",
                     count(frames, "pose")
                 ));
             }

@@ -16,7 +16,7 @@ pub enum RecordCorrection {
     Letterbox([f64; 2]),
     /// The detections give this number to frame number 0.
     FrameOffset(i64),
-    /// The translations of the poses are in a unit of this length in metres; the scene is in metres afterwards.
+    /// The translations of the poses are in a unit of this length in meters; the scene is in meters afterwards.
     PoseUnit(f64),
 }
 

@@ -1,19 +1,19 @@
 //! Usual values near estimated ones: widths of images, units of length.
 
-/// The units that `pose_unit` names, in metres.
+/// The units that `pose_unit` names, in meters.
 pub(super) const UNITS: [(&str, f64); 6] =
     [("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("km", 1e3), ("ft", 0.3048), ("in", 0.0254)];
 
 /// A length estimated from sizes is that of a unit if it differs by less than this factor, because object sizes vary.
 const SAME_UNIT: f64 = 1.6;
 
-/// The length of the unit closest to a length in metres that was estimated from sizes; otherwise the length with two
+/// The length of the unit closest to a length in meters that was estimated from sizes; otherwise the length with two
 /// digits (the scale of a map without a unit).
-pub(super) fn nearest_unit(metres: f64) -> f64 {
-    let distance = |unit: f64| (metres / unit).ln().abs();
+pub(super) fn nearest_unit(meters: f64) -> f64 {
+    let distance = |unit: f64| (meters / unit).ln().abs();
     let near = UNITS.iter().map(|(_, unit)| *unit).filter(|unit| distance(*unit) < SAME_UNIT.ln());
-    let digits = 10_f64.powf(1.0 - metres.log10().floor());
-    near.min_by(|a, b| distance(*a).total_cmp(&distance(*b))).unwrap_or((metres * digits).round() / digits)
+    let digits = 10_f64.powf(1.0 - meters.log10().floor());
+    near.min_by(|a, b| distance(*a).total_cmp(&distance(*b))).unwrap_or((meters * digits).round() / digits)
 }
 
 /// Widths of images are multiples of this as a rule: networks and video codecs ask for it.

@@ -21,7 +21,7 @@ fn max_bytes() -> u64 {
 
 /// Reads a PNG or JPEG file as 8-bit RGB.
 ///
-/// Grey images become RGB with equal channels, 16 bits are scaled to 8, palettes are looked up, transparency is
+/// Gray images become RGB with equal channels, 16 bits are scaled to 8, palettes are looked up, transparency is
 /// ignored, CMYK is converted. The pixels are those of the file: an orientation tag is not applied, because cameras are
 /// calibrated on the pixels as they are stored.
 ///
@@ -77,10 +77,10 @@ pub fn read_image_size(path: &Path) -> Result<[u32; 2], ReadError> {
 }
 
 /// Reads a label image: a PNG file with one number per pixel, greyscale with up to 16 bits or with a palette (using the
-/// indices, not the colours). A colour image is accepted if its three channels are equal. Transparency is ignored.
+/// indices, not the colors). A color image is accepted if its three channels are equal. Transparency is ignored.
 ///
 /// # Errors
-/// [`ReadError`] as [`read_image`]; also for JPEG, whose compression changes the numbers, and for colours.
+/// [`ReadError`] as [`read_image`]; also for JPEG, whose compression changes the numbers, and for colors.
 pub fn read_label_image(path: &Path) -> Result<LabelImage, ReadError> {
     read_label_image_of_size(path, &|_| Ok(()))
 }
@@ -95,7 +95,7 @@ pub fn read_label_image_of_size(path: &Path, check: SizeCheck) -> Result<LabelIm
 /// Reads a depth image: a PNG file in greyscale with 16 bits, `scale` world units each, 0 where the depth is unknown.
 ///
 /// # Errors
-/// [`ReadError`] as [`read_image`]; also for JPEG, for colours, and for 8 bits, which are too few for depths.
+/// [`ReadError`] as [`read_image`]; also for JPEG, for colors, and for 8 bits, which are too few for depths.
 pub fn read_depth_image_of_size(path: &Path, scale: f64, check: SizeCheck) -> Result<DepthImage, ReadError> {
     let expected = "this is a JPEG image, which cannot hold depths; expected a PNG image in greyscale with 16 bits";
     let is_depth = |depth: png::BitDepth, color: png::ColorType| match (depth, color) {
@@ -105,7 +105,7 @@ pub fn read_depth_image_of_size(path: &Path, scale: f64, check: SizeCheck) -> Re
             let color = match color {
                 png::ColorType::Grayscale | png::ColorType::GrayscaleAlpha => "in greyscale",
                 png::ColorType::Indexed => "with a palette",
-                png::ColorType::Rgb | png::ColorType::Rgba => "in colour",
+                png::ColorType::Rgb | png::ColorType::Rgba => "in color",
             };
             Err(format!("the image is {color} with {bits} bits; expected a depth image in greyscale with 16 bits"))
         }
@@ -115,7 +115,7 @@ pub fn read_depth_image_of_size(path: &Path, scale: f64, check: SizeCheck) -> Re
 }
 
 /// Size and values, row by row, of a PNG file with one number per pixel. `jpeg` is the message for a JPEG file; `accepts` checks bits
-/// and colours.
+/// and colors.
 fn read_values(
     path: &Path,
     check: SizeCheck,
@@ -152,7 +152,7 @@ fn read_values(
             let sample = |channel| sample(row, x * channels + channel, frame.bit_depth);
             let value = sample(0);
             if channels >= 3 && (sample(1) != value || sample(2) != value) {
-                let problem = "this is a colour image; expected a greyscale or palette image with one value per \
+                let problem = "this is a color image; expected a greyscale or palette image with one value per \
                                object";
                 return Err(ReadError::new(path, problem));
             }
@@ -177,8 +177,8 @@ where
     write_file(path, |out| out.write_all(&bytes))
 }
 
-/// Writes a label image as a PNG file with a palette, whose indices are the values and whose colours are for viewing: 0
-/// is black, neighbouring values have distinct colours. If a value is above 255, writes 16-bit greyscale.
+/// Writes a label image as a PNG file with a palette, whose indices are the values and whose colors are for viewing: 0
+/// is black, neighboring values have distinct colors. If a value is above 255, writes 16-bit greyscale.
 ///
 /// # Errors
 /// As [`write_png`].
@@ -200,7 +200,7 @@ pub fn write_label_image(path: &Path, labels: &LabelImage) -> Result<(), WriteEr
     image.map_or_else(|| Err(WriteError::new(path, "the image has no pixels")), |image| write_png(path, &image))
 }
 
-/// Colours of the values of a label image, three bytes each: black, then hues that follow each other in golden sections, in
+/// Colors of the values of a label image, three bytes each: black, then hues that follow each other in golden sections, in
 /// three degrees of brightness.
 fn label_palette() -> Vec<u8> {
     let color = |value: u16| -> [u8; 3] {
@@ -264,7 +264,7 @@ fn image_error(path: &Path, format: ImageFormat, error: &ImageError) -> ReadErro
     ReadError::new(path, problem)
 }
 
-/// Whether a JPEG file has its end marker after the compressed pixels; readers fill missing parts with grey.
+/// Whether a JPEG file has its end marker after the compressed pixels; readers fill missing parts with gray.
 fn has_end_of_jpeg(bytes: &[u8]) -> bool {
     // Segments up to the pixels: a marker, and a length that counts itself. A thumbnail in one of them has markers too.
     let mut at = 2;

@@ -72,7 +72,7 @@ fn every_kind_of_photograph_becomes_rgb() {
 
 #[test]
 fn cmyk_is_converted() {
-    // Written by Pillow, which reads it back as these colours; `tests/fixtures/make_cmyk.py`.
+    // Written by Pillow, which reads it back as these colors; `tests/fixtures/make_cmyk.py`.
     let file = file("cmyk.jpg", include_bytes!("../../tests/fixtures/cmyk.jpg"));
     let image = read_image(&file.path).unwrap();
     assert_eq!(read_image_size(&file.path).unwrap(), [32, 8]);
@@ -102,7 +102,7 @@ fn wrong_files_are_named() {
     let mut broken = png.clone();
     broken[60] ^= 0xFF;
     assert_snapshot!(problems(&broken).0, @"the PNG image is damaged or cut off (Format error decoding Png: Corrupt deflate stream. InvalidCodeLengthRepeat)");
-    assert_snapshot!(problems(&png).1, @"this is a colour image; expected a greyscale or palette image with one value per object");
+    assert_snapshot!(problems(&png).1, @"this is a color image; expected a greyscale or palette image with one value per object");
 
     let file = file("x.png", &png);
     let missing = file.folder.path().join("y.png");
@@ -230,7 +230,7 @@ fn label_images_can_be_looked_at_and_keep_their_values() {
     let labels = LabelImage::new(16, 16, values.clone()).unwrap();
     write_label_image(&path, &labels).unwrap();
     assert_eq!(read_label_image(&path).unwrap().values(), &values[..]);
-    // As people see it: the background is black, objects are bright and differ from their neighbours in number.
+    // As people see it: the background is black, objects are bright and differ from their neighbors in number.
     let seen = image::open(&path).unwrap().to_rgb8();
     let colors: Vec<[u8; 3]> = seen.pixels().map(|pixel| pixel.0).collect();
     assert_eq!(colors[0], [0; 3]);

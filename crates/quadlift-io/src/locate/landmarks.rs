@@ -14,7 +14,7 @@ pub struct ObjectLandmarks {
     pub ids: Vec<String>,
     /// The landmarks, in the order of the ids.
     pub landmarks: Vec<Landmark>,
-    /// Number of objects that are left out: not localised, or gone.
+    /// Number of objects that are left out: not localized, or gone.
     pub left_out: usize,
 }
 
@@ -38,7 +38,7 @@ impl SceneFile {
         Ok(found)
     }
 
-    /// Standard deviation of the edges of boxes relative to their mean half size, if the result of a localisation reports it:
+    /// Standard deviation of the edges of boxes relative to their mean half size, if the result of a localization reports it:
     /// of all their errors, those that the views of an object have in common included.
     pub fn edge_noise(&self) -> Option<f64> {
         let levels = self.noise_levels().ok()?;

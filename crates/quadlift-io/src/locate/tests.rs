@@ -81,7 +81,7 @@ fn sources_are_chosen_and_wrong_entries_are_named() {
 }
 
 #[test]
-fn objects_that_were_localised_become_landmarks() {
+fn objects_that_were_localized_become_landmarks() {
     let text = r#"{"format": "quadlift.scene", "version": 1, "objects": [
         {"id": "a", "status": "ok", "category": "cup", "ellipsoid": {"center": [1, 2, 3], "semi_axes": [1, 1, 2], "rotation": [1, 0, 0, 0]}},
         {"id": "b", "status": "degenerate", "center": [0, 0, 0]},

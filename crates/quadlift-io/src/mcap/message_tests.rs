@@ -88,7 +88,7 @@ fn parts_of_images_and_rectified_images_have_other_matrices() {
     let rectified = CameraOptions { rectified: true, ..CameraOptions::default() };
     let found = calibration(&value(&info("rational_polynomial", &[0.1; 8])), rectified).unwrap();
     assert_eq!((found.camera.model.as_str(), found.camera.params), ("PINHOLE", vec![400.0, 400.0, 300.0, 200.0]));
-    // A quarter turn, and the right camera of a pair a tenth of a metre to the right.
+    // A quarter turn, and the right camera of a pair a tenth of a meter to the right.
     let point = found.cam_from_frame * nalgebra::Point3::new(1.0, 2.0, 3.0);
     assert!((point - nalgebra::Point3::new(2.0 - 0.1, -1.0, 3.0)).norm() < 1e-12, "{point}");
 }

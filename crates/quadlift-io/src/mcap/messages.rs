@@ -80,7 +80,7 @@ fn isometry(pose: &At) -> Result<Isometry3<f64>, String> {
     let xyz = pose.field(&["translation", "position"])?;
     let [x, y, z] = xyz.coordinates(["x", "y", "z"])?;
     if [x, y, z].iter().any(|x| x.abs() > FARTHEST) {
-        return Err(xyz.error(format!("found [{x}, {y}, {z}]; expected coordinates in metres")));
+        return Err(xyz.error(format!("found [{x}, {y}, {z}]; expected coordinates in meters")));
     }
     let quaternion = pose.field(&["rotation", "orientation"])?;
     let [qx, qy, qz, qw] = quaternion.coordinates(["x", "y", "z", "w"])?;

@@ -52,7 +52,7 @@ fn an_exported_scene_is_read_again() {
              /quadlift/objects (3D bodies, which are no measurements in images, 2 messages)",
             "the world is the frame \"map\", the camera \"cam_optical_frame\"",
             "boxes are taken as measured in the raw image (K and D of the calibration; --rectified: P)",
-            "pixel centres at halves: the principal points are as in the file",
+            "pixel centers at halves: the principal points are as in the file",
             "poses of frames: 2 at the time of their transforms",
         ]
     );

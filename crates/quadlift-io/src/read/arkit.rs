@@ -1,6 +1,6 @@
 //! Captures of apps that record ARKit's camera poses on iPhones and iPads: Polycam, Record3D and 3D Scanner App.
 //!
-//! ARKit's world is in metres with y against gravity. Poses are camera-to-world with OpenGL's axes (x right, y up, z backwards)
+//! ARKit's world is in meters with y against gravity. Poses are camera-to-world with OpenGL's axes (x right, y up, z backwards)
 //! for the images as they are stored; they become world-to-camera with OpenCV's axes. Formats: Polycam's `polyform` (README,
 //! "Polycam's data format"), `record3d2nerf.py` of instant-ngp and `record3d_utils.py` of nerfstudio; the files of 3D Scanner App
 //! have no public description but programs that read them (see docs/formats/cameras.md).
@@ -24,7 +24,7 @@ use crate::wording::count;
 /// Folders of Polycam's cameras and the images that belong to them, the better ones first, below `keyframes`.
 const POLYCAM: [[&str; 2]; 2] = [["corrected_cameras", "corrected_images"], ["cameras", "images"]];
 
-/// The folder of Polycam's depth images, beside those of the images, and the metres of one count.
+/// The folder of Polycam's depth images, beside those of the images, and the meters of one count.
 const POLYCAM_DEPTH: &str = "depth";
 const POLYCAM_DEPTH_SCALE: f64 = 0.001;
 
@@ -360,7 +360,7 @@ fn scene(
 ) -> Result<Import, ReadError> {
     let mut notes = vec![
         format!("{app}: OpenGL axes and camera-to-world poses were converted"),
-        "the world is ARKit's, in metres, y against gravity".to_owned(),
+        "the world is ARKit's, in meters, y against gravity".to_owned(),
         options.pixel_centers.note(),
     ];
     let mut scene = SceneFile { length_unit: Some("m".to_owned()), up: Some([0.0, 1.0, 0.0]), ..SceneFile::default() };

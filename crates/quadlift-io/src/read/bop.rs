@@ -1,7 +1,7 @@
 //! A scene of a BOP data set: `scene_camera.json`, `scene_gt.json`, `scene_gt_info.json`, and `models_info.json` of the
 //! data set.
 //!
-//! Lengths are millimetres and become metres. Intrinsics are centre-based: half a pixel is added. Format: "BOP datasets
+//! Lengths are millimeters and become meters. Intrinsics are center-based: half a pixel is added. Format: "BOP datasets
 //! format" of the bop_toolkit.
 
 use std::collections::BTreeMap;
@@ -21,7 +21,7 @@ use crate::input::read_bytes;
 use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, MaskRecord, ObjectRecord, SceneFile};
 use crate::wording::count;
 
-/// Metres in a millimetre.
+/// Meters in a millimeter.
 const MM: f64 = 1e-3;
 
 /// Folders and kinds of images.
@@ -150,7 +150,7 @@ fn parse_bop(files: BopFiles, world_object: Option<u64>, image_size: Option<[f64
     let cameras = by_number(&Node::root(files.camera.0, &cameras))?;
     let poses = files.ground_truth.map(|(path, bytes)| object_poses(path, bytes)).transpose()?.unwrap_or_default();
     let mut notes = vec![
-        "millimetres became metres; 0.5 was added to the centre-based principal points".to_owned(),
+        "millimeters became meters; 0.5 was added to the center-based principal points".to_owned(),
         match world_object {
             Some(id) => format!("world: the model frame of object {id}"),
             None => "world: that of scene_camera.json (cam_R_w2c)".to_owned(),
@@ -238,13 +238,13 @@ fn camera(node: &Node, image_size: Option<[f64; 2]>) -> Result<CameraRecord, Rea
         model: "PINHOLE".to_owned(),
         width: image_size.map(|size| size[0]),
         height: image_size.map(|size| size[1]),
-        // BOP's pixels have their centres at integers.
+        // BOP's pixels have their centers at integers.
         params: vec![k[0], k[4], k[2] + 0.5, k[5] + 0.5],
         ..CameraRecord::default()
     })
 }
 
-/// A rotation and a translation in millimetres, as metres.
+/// A rotation and a translation in millimeters, as meters.
 fn pose(node: &Node, rotation: &str, translation: &str) -> Result<Matrix4<f64>, ReadError> {
     let r: [f64; 9] = node.member(rotation)?.numbers()?;
     let t: [f64; 3] = node.member(translation)?.numbers()?;

@@ -54,9 +54,9 @@ pub(super) fn camera_id(scene: &mut SceneFile, camera: CameraRecord) -> String {
 /// Origin of the pixel coordinates of a format that does not document it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum PixelCenters {
-    /// The centre of the first pixel is (0, 0), as in OpenCV: half a pixel is added to principal points.
+    /// The center of the first pixel is (0, 0), as in OpenCV: half a pixel is added to principal points.
     Integer,
-    /// The centre of the first pixel is (0.5, 0.5), as in COLMAP and in scene files: nothing is added.
+    /// The center of the first pixel is (0.5, 0.5), as in COLMAP and in scene files: nothing is added.
     #[default]
     Half,
 }
@@ -73,8 +73,8 @@ impl PixelCenters {
     /// Assumptions, as text.
     pub(crate) fn note(self) -> String {
         match self {
-            Self::Integer => "pixel centres at integers: 0.5 was added to the principal points".to_owned(),
-            Self::Half => "pixel centres at halves: the principal points are as in the file".to_owned(),
+            Self::Integer => "pixel centers at integers: 0.5 was added to the principal points".to_owned(),
+            Self::Half => "pixel centers at halves: the principal points are as in the file".to_owned(),
         }
     }
 }

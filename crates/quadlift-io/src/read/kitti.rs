@@ -1,7 +1,7 @@
 //! KITTI's tracking benchmark: folders `calib`, `oxts`, `label_02` (and `image_02`) with a file for each sequence.
 //!
-//! World frame: the rectified axes of camera 0 in the first selected frame (x right, y down, z forward, metres). Frames
-//! are those of the left colour camera, `P2`. Labels become detections of the source `label` and, for static objects,
+//! World frame: the rectified axes of camera 0 in the first selected frame (x right, y down, z forward, meters). Frames
+//! are those of the left color camera, `P2`. Labels become detections of the source `label` and, for static objects,
 //! the true objects.
 
 use std::path::Path;
@@ -76,7 +76,7 @@ fn sequence(folder: &Path, options: &ReadOptions) -> Result<String, ReadError> {
     })
 }
 
-/// From the rectified axes of camera 0, in which labels are written, to those of the left colour camera, in metres: from
+/// From the rectified axes of camera 0, in which labels are written, to those of the left color camera, in meters: from
 /// `P2` of a calibration file.
 ///
 /// # Errors
@@ -183,7 +183,7 @@ fn add_labels(
     }
     let (still, moving) = objects.objects();
     notes.push(format!(
-        "{} static labelled objects are the true objects; {} moving ones are not",
+        "{} static labeled objects are the true objects; {} moving ones are not",
         still.len(),
         moving.len()
     ));

@@ -15,13 +15,13 @@ use crate::error::ReadError;
 use crate::input::as_utf8;
 use crate::scene_file::CameraRecord;
 
-/// Radius of the earth in the Mercator projection, in metres.
+/// Radius of the earth in the Mercator projection, in meters.
 const EARTH_RADIUS: f64 = 6_378_137.0;
 
 /// Numbers in a line of GPS/IMU data.
 const OXTS_NUMBERS: usize = 30;
 
-/// Image sizes of KITTI's days by the focal length of their rectified colour cameras.
+/// Image sizes of KITTI's days by the focal length of their rectified color cameras.
 const IMAGE_SIZES: [(f64, [f64; 2]); 5] = [
     (721.5377, [1242.0, 375.0]),
     (707.0493, [1224.0, 370.0]),
@@ -148,7 +148,7 @@ impl Oxts {
         self.0[0].to_radians().cos()
     }
 
-    /// The pose of the IMU in Mercator coordinates: metres east, north and up.
+    /// The pose of the IMU in Mercator coordinates: meters east, north and up.
     pub fn earth_from_imu(&self, scale: f64) -> Matrix4<f64> {
         let [latitude, longitude, altitude, roll, pitch, yaw] = self.0;
         let east = scale * EARTH_RADIUS * longitude.to_radians();
@@ -164,7 +164,7 @@ impl Oxts {
 pub fn rect_from_world(oxts: &[Oxts], scale: f64, rect_from_imu: &Matrix4<f64>) -> Option<Vec<Matrix4<f64>>> {
     let first = oxts.first()?;
     let imu_from_rect = inverse(rect_from_imu)?;
-    // About the first position, so that no digits are lost on coordinates of millions of metres.
+    // About the first position, so that no digits are lost on coordinates of millions of meters.
     let origin = first.earth_from_imu(scale).column(3).into_owned();
     let pose = |oxts: &Oxts| {
         let mut pose = oxts.earth_from_imu(scale);

@@ -16,7 +16,7 @@ pub struct KittiLabel {
     pub line: usize,
     /// Number of the frame, from 0.
     pub frame: usize,
-    /// Track id; -1 for regions that are not labelled.
+    /// Track id; -1 for regions that are not labeled.
     pub track: i64,
     /// Type, as it is written (`Car`, `DontCare`, ...).
     pub kind: String,
@@ -42,7 +42,7 @@ impl KittiLabel {
         self.size.iter().all(|x| *x > 0.0)
     }
 
-    /// The pose of the cuboid's centre in the rectified axes of camera 0: x along the length, y down, z along the
+    /// The pose of the cuboid's center in the rectified axes of camera 0: x along the length, y down, z along the
     /// width.
     pub fn rect_from_object(&self) -> Matrix4<f64> {
         let [x, y, z] = self.location;

@@ -171,11 +171,11 @@ impl Tracklet {
         Vector3::new(length, width, height) * 0.5
     }
 
-    /// The pose of the centre: x along the length, y along the width, z up.
+    /// The pose of the center: x along the length, y along the width, z up.
     fn velo_from_object(&self, pose: &[f64; 6]) -> Matrix4<f64> {
         let &[x, y, z, rx, ry, rz] = pose;
         let rotation = Rotation3::from_euler_angles(rx, ry, rz);
-        // rx and ry are zero in KITTI's files, so that the bottom face is below the centre.
+        // rx and ry are zero in KITTI's files, so that the bottom face is below the center.
         matrix4(rotation.matrix(), &(Vector3::new(x, y, z) + rotation * Vector3::new(0.0, 0.0, 0.5 * self.size[0])))
     }
 }

@@ -22,7 +22,7 @@ use crate::scene_file::{CameraRecord, DepthImageRecord, FrameRecord, SceneFile};
 /// Extensions of image names that the file omits, as in Blender's synthetic scenes.
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 
-/// World units of one count of a depth image: nerfstudio's default, millimetres in a world in metres.
+/// World units of one count of a depth image: nerfstudio's default, millimeters in a world in meters.
 const DEPTH_SCALE: f64 = 0.001;
 
 /// The row of this format.
@@ -97,7 +97,7 @@ fn parse_nerfstudio(
     }
     if scene.frames.iter().any(|frame| frame.depth.is_some()) {
         notes.push(format!(
-            "depth images are read as millimetres, as by nerfstudio: {DEPTH_SCALE} world units of one count"
+            "depth images are read as millimeters, as by nerfstudio: {DEPTH_SCALE} world units of one count"
         ));
     }
     if scene.cameras.iter().any(|camera| camera.width.is_none()) {

@@ -1,6 +1,6 @@
 //! Cameras of nuScenes: the tables `scene`, `sample`, `sample_data`, `ego_pose`, `calibrated_sensor` and `sensor`.
 //!
-//! The world is that of the log's map, in metres, z up. Images come undistorted, cameras have OpenCV's axes and the pose
+//! The world is that of the log's map, in meters, z up. Images come undistorted, cameras have OpenCV's axes and the pose
 //! `world_from_ego ego_from_camera` of their own time; quaternions are w, x, y, z. Rows are read one by one, and those of other
 //! scenes are dropped: `sample_data` of the whole data set has millions. Format: "nuScenes schema"
 //! (`docs/schema_nuscenes.md` of nuscenes-devkit).
@@ -341,7 +341,7 @@ fn read_scene<'a>(
     scene.cameras.sort_by(|a, b| a.id.cmp(&b.id));
     let mut notes = vec![
         format!("nuScenes, {}: poses of the cameras from those of the vehicle and of the sensors", chosen.name),
-        "the world is that of the log's map, in metres, z up".to_owned(),
+        "the world is that of the log's map, in meters, z up".to_owned(),
         options.pixel_centers.note(),
     ];
     if sweeps > 0 {

@@ -86,7 +86,7 @@ fn parse_opensfm(
             scene.up = Some([0.0, 0.0, 1.0]);
             let object: &serde_json::Map<String, Value> = node.object()?;
             scene.extra.insert(REFERENCE.to_owned(), Value::Object(object.clone()));
-            notes.push("the world is in metres, x east, y north, z up from reference_lla, which is kept".to_owned());
+            notes.push("the world is in meters, x east, y north, z up from reference_lla, which is kept".to_owned());
         }
         _ => {
             notes.push("there is no reference_lla: the length unit and the direction of gravity are unknown".to_owned())

@@ -46,7 +46,7 @@ fn kitti_sequences_have_the_cameras_of_the_ready_scenes() {
         let difference = compare(&found.scene, &ready);
         println!("kitti {scene}: {difference:.1e}; {:?}", found.notes);
         assert!(difference < 1e-6, "{scene}: {difference:e}");
-        // The labelled boxes and the true objects are those of the ready scene, which has a part of them.
+        // The labeled boxes and the true objects are those of the ready scene, which has a part of them.
         for expected in ready.detections.iter().filter(|d| d.source.as_deref() == Some("label")) {
             let same =
                 |d: &&crate::scene_file::DetectionRecord| d.frame == expected.frame && d.object == expected.object;

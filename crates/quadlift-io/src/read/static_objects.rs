@@ -7,7 +7,7 @@ use quadlift::geometry::Cuboid;
 
 use crate::scene_file::ObjectRecord;
 
-/// An object is static if its centres scatter by less than this fraction of its longest half extent (root mean square).
+/// An object is static if its centers scatter by less than this fraction of its longest half extent (root mean square).
 /// GPS poses drift by less over the few frames in which a parked car is seen.
 const STILL: f64 = 0.5;
 
@@ -20,7 +20,7 @@ struct Labels {
     half_extents: Vec<Vector3<f64>>,
 }
 
-/// The labelled objects of a scene, by id.
+/// The labeled objects of a scene, by id.
 #[derive(Debug, Clone, Default)]
 pub struct LabelledObjects {
     by_id: BTreeMap<String, Labels>,

@@ -10,7 +10,7 @@ use serde_json::{Map, Value};
 use crate::calibration::CalibrationRecord;
 use crate::error::ReadError;
 use crate::options::value_record;
-use crate::priors::{builtin_priors, check_metres, parse_priors, plausible_sizes, read_priors};
+use crate::priors::{builtin_priors, check_meters, parse_priors, plausible_sizes, read_priors};
 
 /// Where the priors on categories come from.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -81,7 +81,7 @@ impl FileOptions {
     pub(super) fn for_scene(&self, scene: &Scene) -> Result<RunOptions, String> {
         let unit = scene.length_unit.as_deref();
         if self.priors == PriorSource::Builtin {
-            check_metres(unit)?;
+            check_meters(unit)?;
         }
         let mut options = self.run.clone();
         options.localize.plausible_sizes = plausible_sizes(unit);

@@ -13,7 +13,7 @@ use super::FileRun;
 use crate::association::AssociationRecord;
 use crate::calibration::CalibrationRecord;
 use crate::diagnosis::DiagnosisRecord;
-use crate::scene_file::{SceneFile, count_localised, fitted_body_name};
+use crate::scene_file::{SceneFile, count_localized, fitted_body_name};
 use crate::stream::StreamRecord;
 
 /// What a result says of the run that made it.
@@ -44,7 +44,7 @@ pub struct RunRecord {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub learnt_sizes: Vec<LearnedSizeRecord>,
     /// Number of objects with the status `ok`.
-    pub localised: usize,
+    pub localized: usize,
     /// The noise levels by name.
     pub noise: BTreeMap<String, f64>,
     /// Number of objects.
@@ -216,7 +216,7 @@ impl RunRecord {
             cue_scales: found.cue_scales.iter().map(|scale| CueScaleRecord::of(scale, scene)).collect(),
             diagnosis: Some(run.diagnosis()),
             learnt_sizes: found.learnt_sizes.iter().map(|size| LearnedSizeRecord::of(size, scene)).collect(),
-            localised: count_localised(&found.estimates),
+            localized: count_localized(&found.estimates),
             noise: found.noise_levels().map(|(name, level)| (name.to_owned(), level)).collect(),
             objects: Some(found.estimates.len()),
             pose_points: found.pose_points.as_ref().map(PosePointsRecord::of),
@@ -366,9 +366,9 @@ mod tests {
         let cause = json!({ "name": "of_a_later_version", "before": 1.0, "after": 0.1, "option": null, "value": null });
         let about = file.localization.as_mut().unwrap();
         about["diagnosis"]["causes"] = json!([cause]);
-        about["localised"] = json!("five");
+        about["localized"] = json!("five");
         about["later"] = json!([1, 2]);
-        assert_eq!(file.run_record(), Some(RunRecord { diagnosis: None, localised: 0, ..written }));
+        assert_eq!(file.run_record(), Some(RunRecord { diagnosis: None, localized: 0, ..written }));
         file.localization = Some(json!("map"));
         assert_eq!(file.run_record(), None);
     }

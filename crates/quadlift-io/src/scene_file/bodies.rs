@@ -21,7 +21,7 @@ pub struct ObjectBodies {
     pub category: Option<String>,
     /// Status of the estimate; absent for true objects.
     pub status: Option<Status>,
-    /// Centre in the world: the given one, or that of a body.
+    /// Center in the world: the given one, or that of a body.
     pub center: Option<Point3<f64>>,
     /// The ellipsoid; of an estimate, the one that is tangent to the measurements.
     pub ellipsoid: Option<Ellipsoid>,

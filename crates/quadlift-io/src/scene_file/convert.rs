@@ -195,7 +195,7 @@ fn detection_input<'a>(
     let bounding_box = record.bounding_box.map(BoundingBox::new).transpose().map_err(|error| {
         let hint = match error {
             BoundingBoxError::Empty(_) => {
-                " (if the numbers are x, y, width, height: --assume boxes=xywh; centre and size: --assume boxes=cxcywh)"
+                " (if the numbers are x, y, width, height: --assume boxes=xywh; center and size: --assume boxes=cxcywh)"
             }
             _ => "",
         };

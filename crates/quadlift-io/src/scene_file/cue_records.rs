@@ -45,7 +45,7 @@ pub struct CueSourceRecord {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(expecting = "an object {...}")]
 pub struct Box3dRecord {
-    /// Centre, world units.
+    /// Center, world units.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "numbers::optional_list")]
     pub center: Option<[f64; 3]>,
     /// Half the length, width and height (the extents along the axes of `rotation`), world units.
@@ -54,13 +54,13 @@ pub struct Box3dRecord {
     /// Unit quaternion `[w, x, y, z]`; the columns of the rotation are the axes of the box.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "numbers::optional_list")]
     pub rotation: Option<[f64; 4]>,
-    /// The frame of centre and rotation: `camera` (x to the right, y down, z forwards; the default) or `world`.
+    /// The frame of center and rotation: `camera` (x to the right, y down, z forwards; the default) or `world`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frame: Option<Box<str>>,
     /// Standard deviations of the errors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sd: Option<Box3dSdRecord>,
-    /// Covariance of centre (in `frame`), rotation vector (about the axes of the box) and logarithms of the half extents, 9 x 9; takes
+    /// Covariance of center (in `frame`), rotation vector (about the axes of the box) and logarithms of the half extents, 9 x 9; takes
     /// the place of `sd`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<Vec<Vec<f64>>>,
@@ -76,10 +76,10 @@ pub struct Box3dRecord {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(expecting = "an object {...}", deny_unknown_fields)]
 pub struct Box3dSdRecord {
-    /// Of the centre along the ray, relative to its distance.
+    /// Of the center along the ray, relative to its distance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance: Option<f64>,
-    /// Of the direction of the centre, each way, radians.
+    /// Of the direction of the center, each way, radians.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<f64>,
     /// Of the logarithm of an extent.
@@ -163,12 +163,12 @@ impl Box3dRecord {
             })
         });
         let (mut center, mut rotation) = (self.center.map(Point3::from), rotation.transpose()?);
-        // From the frame of centre and rotation to the camera.
+        // From the frame of center and rotation to the camera.
         let to_camera = match self.frame.as_deref() {
             None | Some("camera") => Matrix3::identity(),
             Some("world") => {
                 let pose =
-                    pose().ok_or_else(|| EntryError::new(entry(".frame"), "the camera of the frame has no centre"))?;
+                    pose().ok_or_else(|| EntryError::new(entry(".frame"), "the camera of the frame has no center"))?;
                 center = center.map(|center| Point3::from(pose.matrix() * center.to_homogeneous()));
                 let turn = pose.matrix().fixed_columns::<3>(0).into_owned();
                 rotation = rotation.map(|rotation| Rotation3::from_matrix_unchecked(turn) * rotation);
@@ -188,11 +188,11 @@ impl Box3dRecord {
     }
 }
 
-/// Standard deviations from a covariance of centre, rotation vector and logarithms of the half extents.
+/// Standard deviations from a covariance of center, rotation vector and logarithms of the half extents.
 fn sd_of(rows: &[Vec<f64>], center: Option<Point3<f64>>, to_camera: &Matrix3<f64>) -> Result<Box3dSd, String> {
     if rows.len() != 9 || rows.iter().any(|row| row.len() != 9) {
         return Err(
-            "expected nine rows of nine numbers: centre, rotation vector, logarithms of the half extents".to_owned()
+            "expected nine rows of nine numbers: center, rotation vector, logarithms of the half extents".to_owned()
         );
     }
     let matrix = SMatrix::<f64, 9, 9>::from_fn(|i, j| rows[i][j]);
@@ -295,7 +295,7 @@ mod tests {
     #[test]
     fn a_covariance_is_split_along_the_ray() {
         let mut rows = vec![vec![0.0; 9]; 9];
-        // One metre along z, the direction of the centre; 0.1 across; 0.2 radians; 0.3 of the sizes.
+        // One meter along z, the direction of the center; 0.1 across; 0.2 radians; 0.3 of the sizes.
         for (k, sd) in [0.1, 0.1, 1.0, 0.2, 0.2, 0.2, 0.3, 0.3, 0.3].into_iter().enumerate() {
             rows[k][k] = sd * sd;
         }

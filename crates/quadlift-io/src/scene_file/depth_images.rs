@@ -23,7 +23,7 @@ const DEFAULT_SOURCE: &str = "depth_image";
 pub struct DepthImageRecord {
     /// Path of the file, relative to the scene file.
     pub path: String,
-    /// World units of one count; 0.001 for millimetres in a world in metres.
+    /// World units of one count; 0.001 for millimeters in a world in meters.
     pub scale: f64,
     /// Depth network or sensor: depths of one source may share a wrong scale. `depth_image` without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -44,7 +44,7 @@ pub use records::{
     RIG_FRAME, RleCounts, RleRecord, SceneFile, SegmentationRecord, VERSION,
 };
 pub use results::{Detail, cross_validation_of_object, estimates_to_objects};
-pub use run::{count_localised, fitted_body_name};
+pub use run::{count_localized, fitted_body_name};
 pub(crate) use suggest::known_names;
 pub(crate) use write::write_localized_file;
 pub use write::{write_scene, write_scene_file};

@@ -18,10 +18,10 @@ pub struct ObjectRecord {
     /// Status of the estimate (see [`quadlift::solve::Status::name`]).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub status: Option<String>,
-    /// Estimated centre in the world, whenever there is one, even without a body.
+    /// Estimated center in the world, whenever there is one, even without a body.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "numbers::optional_list")]
     pub center: Option<[f64; 3]>,
-    /// Standard deviation of the centre per coordinate, world units.
+    /// Standard deviation of the center per coordinate, world units.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub center_sd: Option<f64>,
     /// The ellipsoid; of an estimate, the one that is tangent to the measurements.
@@ -83,7 +83,7 @@ pub struct ObjectRecord {
 /// An ellipsoid.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct EllipsoidRecord {
-    /// Centre in the world.
+    /// Center in the world.
     #[serde(deserialize_with = "numbers::list")]
     pub center: [f64; 3],
     /// Semi-axes in world units.
@@ -100,7 +100,7 @@ pub struct EllipsoidRecord {
 /// A cuboid.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct CuboidRecord {
-    /// Centre in the world.
+    /// Center in the world.
     #[serde(deserialize_with = "numbers::list")]
     pub center: [f64; 3],
     /// Half the extents along its axes, world units.
@@ -117,7 +117,7 @@ pub struct CuboidRecord {
 /// A cylinder.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct CylinderRecord {
-    /// Centre in the world.
+    /// Center in the world.
     #[serde(deserialize_with = "numbers::list")]
     pub center: [f64; 3],
     /// Semi-axes of the base in world units.
@@ -137,7 +137,7 @@ pub struct CylinderRecord {
 /// A superellipsoid.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SuperellipsoidRecord {
-    /// Centre in the world.
+    /// Center in the world.
     #[serde(deserialize_with = "numbers::list")]
     pub center: [f64; 3],
     /// Semi-axes in world units.

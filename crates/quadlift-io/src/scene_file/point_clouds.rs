@@ -284,7 +284,7 @@ fn independent<'a>(scene: &Scene, mut candidates: Vec<Candidate<'a>>) -> Vec<Fou
     candidates.into_iter().map(|candidate| candidate.depth).collect()
 }
 
-/// From the camera of a frame to the world, behind a map to the camera; `None` for a camera without a centre.
+/// From the camera of a frame to the world, behind a map to the camera; `None` for a camera without a center.
 fn world_from(frame: &Frame, camera_from_points: &Matrix3x4<f64>) -> Option<Matrix3x4<f64>> {
     let pose = frame.projection.camera_pose()?;
     let rotation: Matrix3<f64> = pose.matrix().fixed_columns::<3>(0).transpose();

@@ -39,14 +39,14 @@ pub struct SceneFile {
     pub version: u64,
     /// Name of the scene.
     pub name: Option<String>,
-    /// World unit ("m" for metres).
+    /// World unit ("m" for meters).
     pub length_unit: Option<String>,
     /// World direction against gravity, of any length.
     #[serde(default, deserialize_with = "numbers::optional_list")]
     pub up: Option<[f64; 3]>,
     /// Free text.
     pub notes: Option<String>,
-    /// How the objects were obtained: settings and statistics of a localisation.
+    /// How the objects were obtained: settings and statistics of a localization.
     pub localization: Option<Value>,
     /// The cameras.
     #[serde(default)]
@@ -97,7 +97,7 @@ impl Default for SceneFile {
 }
 
 impl SceneFile {
-    /// The result of a localisation of this scene: its names, cameras, frames and points with the estimated objects, and where
+    /// The result of a localization of this scene: its names, cameras, frames and points with the estimated objects, and where
     /// on Earth the world is (`reference_lla`).
     ///
     /// Objects of the input (ground truth), detections and notes are not copied. Image paths stay relative to the
@@ -252,7 +252,7 @@ pub struct DetectionRecord {
 /// An ellipse in an image.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct EllipseRecord {
-    /// Centre in pixels.
+    /// Center in pixels.
     #[serde(deserialize_with = "numbers::list")]
     pub center: [f64; 2],
     /// Semi-axes in pixels; the first one has the direction of `angle`.
@@ -276,7 +276,7 @@ impl From<Ellipse> for EllipseRecord {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(expecting = "an object {...}")]
 pub struct OrientedBoxRecord {
-    /// Centre in pixels.
+    /// Center in pixels.
     #[serde(deserialize_with = "numbers::list")]
     pub center: [f64; 2],
     /// Width and height in pixels; the width has the direction of `angle`.

@@ -39,7 +39,7 @@ impl Detail {
     }
 }
 
-/// The estimates of a localisation of `scene` as the objects of a file, in their order, each made when it is asked for: a
+/// The estimates of a localization of `scene` as the objects of a file, in their order, each made when it is asked for: a
 /// record takes a few kilobytes.
 ///
 /// Non-finite values are omitted, because JSON cannot represent them. Residuals and standard deviations have 6
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failed_estimate_has_its_status_and_its_centre() {
+    fn a_failed_estimate_has_its_status_and_its_center() {
         let mut failed = Estimate::failed(1, None, Status::NotAnEllipsoid);
         failed.center = Some(Point3::new(0.0, 1.0, 2.0));
         let objects = estimates_to_objects(&scene(), &Localization { estimates: vec![failed], ..Default::default() })

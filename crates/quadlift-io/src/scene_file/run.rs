@@ -14,8 +14,8 @@ pub fn fitted_body_name(body: Option<BodyKind>) -> String {
     body.map_or_else(|| "mixed".to_owned(), |body| body.to_string())
 }
 
-/// Number of localised objects: those with the status `ok`.
-pub fn count_localised(estimates: &[Estimate]) -> usize {
+/// Number of localized objects: those with the status `ok`.
+pub fn count_localized(estimates: &[Estimate]) -> usize {
     estimates.iter().filter(|estimate| estimate.status == Status::Ok).count()
 }
 

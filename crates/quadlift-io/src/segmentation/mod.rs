@@ -216,7 +216,7 @@ pub fn segment_scene(
     images.videos.want(frames.keys().copied());
     for (done, (&frame, detections)) in frames.iter().enumerate() {
         if progress(Step::Images, done, frames.len()).is_break() {
-            return Err(SegmentError::Cancelled.into());
+            return Err(SegmentError::Canceled.into());
         }
         if reads_masks {
             take_masks(scene, images, detections, &mut segmentation);
@@ -226,7 +226,7 @@ pub fn segment_scene(
         }
     }
     if progress(Step::Images, frames.len(), frames.len()).is_break() {
-        return Err(SegmentError::Cancelled.into());
+        return Err(SegmentError::Canceled.into());
     }
     if let Method::Image(method) = settings.method {
         let options = SegmentOptions { method, seed: settings.seed, ..Default::default() };

@@ -35,7 +35,7 @@ pub struct Line {
 pub struct AboutRecord {
     /// Name of the scene.
     pub name: Option<String>,
-    /// World unit ("m" for metres).
+    /// World unit ("m" for meters).
     pub length_unit: Option<String>,
     /// World direction against gravity, of any length.
     #[serde(default, deserialize_with = "numbers::optional_list")]

@@ -1,6 +1,6 @@
-//! BOP's results: a row for each object in each frame with its pose `cam_from_object` in millimetres.
+//! BOP's results: a row for each object in each frame with its pose `cam_from_object` in millimeters.
 //!
-//! The object's frame is that of its body (origin at the centre, axes of the body), since models are not known. Format:
+//! The object's frame is that of its body (origin at the center, axes of the body), since models are not known. Format:
 //! the BOP challenge's CSV, as `load_bop_results` of the bop_toolkit reads it.
 
 use std::fmt::Write;
@@ -9,7 +9,7 @@ use super::format::{ExportFormat, Writer};
 use super::views::SeenObject;
 use super::{CheckedScene, Document, Placement, numbers_for};
 
-/// Millimetres in a metre.
+/// Millimeters in a meter.
 const MM: f64 = 1000.0;
 
 /// The row of this format.
@@ -30,14 +30,14 @@ pub fn bop_results(scene: &CheckedScene, scene_id: u64, only_detected: bool) -> 
     let model = |name: Option<&str>| name?.trim_start_matches("obj_").parse::<u64>().ok();
     let models: Option<Vec<u64>> =
         scene.objects.iter().map(|o| model(o.category.as_deref()).or_else(|| model(Some(&o.id)))).collect();
-    let (metres, unit_note) = scene.metres();
+    let (meters, unit_note) = scene.meters();
     let mut text = "scene_id,im_id,obj_id,score,R,t,time\n".to_owned();
     let mut rows = 0;
     for SeenObject { frame_index, object_index, .. } in scene.seen_objects(only_detected) {
         let Some(pose) = scene.scene.frames[frame_index].projection.camera_pose() else { continue };
         let placement = Placement::from(&scene.objects[object_index].body);
         let rotation = pose.matrix().fixed_columns::<3>(0) * placement.rotation.matrix();
-        let translation = pose.matrix() * placement.center.to_homogeneous() * metres * MM;
+        let translation = pose.matrix() * placement.center.to_homogeneous() * meters * MM;
         let object = models.as_ref().map_or(object_index as u64 + 1, |models| models[object_index]);
         // By rows; writing to text cannot fail.
         let _ = writeln!(
@@ -50,7 +50,7 @@ pub fn bop_results(scene: &CheckedScene, scene_id: u64, only_detected: bool) -> 
         rows += 1;
     }
     let mut notes =
-        vec!["poses are those of the estimated bodies (centre, axes): there are no object models".to_owned()];
+        vec!["poses are those of the estimated bodies (center, axes): there are no object models".to_owned()];
     if by_position {
         notes.push("frame ids have no numbers: im_id counts from 0 in the order of the scene".to_owned());
     }
@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn poses_are_in_millimetres_by_rows() {
+    fn poses_are_in_millimeters_by_rows() {
         let mut file = test_scene::three_bodies();
         // Half a turn, so that all numbers are exact.
         file.objects[1].cuboid.as_mut().unwrap().rotation = [0.0, 0.0, 0.0, 1.0];

@@ -1,6 +1,6 @@
 //! CSV of oriented 3D boxes per frame, as Boxer writes and reads them (`boxer_3dbbs.csv`; header of Meta's `ObbCsvWriter2`).
 //!
-//! Positions and sizes (full extents) in metres, quaternions of `world_from_object` with w first.
+//! Positions and sizes (full extents) in meters, quaternions of `world_from_object` with w first.
 
 use std::fmt::Write;
 
@@ -28,7 +28,7 @@ pub(super) const FORMAT: ExportFormat = ExportFormat {
 /// position of the category, `prob` the score.
 pub fn boxer(scene: &CheckedScene, only_detected: bool) -> Document {
     let mut notes = vec!["the axes are those of the scene's world".to_owned()];
-    let (metres, unit_note) = scene.metres();
+    let (meters, unit_note) = scene.meters();
     notes.extend(unit_note);
     let times = stamps(scene, &mut notes);
     let scores = Scores::of(scene, &mut notes);
@@ -45,8 +45,8 @@ pub fn boxer(scene: &CheckedScene, only_detected: bool) -> Document {
     for SeenObject { frame_index, object_index, .. } in &seen {
         let object = &scene.objects[*object_index];
         let placement = Placement::from(&object.body);
-        let position = placement.center.coords * metres;
-        let size = placement.half_extents * (2.0 * metres);
+        let position = placement.center.coords * meters;
+        let size = placement.half_extents * (2.0 * meters);
         let rotation = quaternion_from_rotation(&placement.rotation);
         let numbers = position.iter().chain(&rotation).chain(size.iter());
         // No "-0".
@@ -105,16 +105,16 @@ mod tests {
     ");
         // Detected: object 2 in one frame, object 1 in both (residuals).
         assert_eq!(boxer(&scene, true).counts, [("box", 3)]);
-        // Millimetres become metres.
-        let metres = String::from_utf8(boxer(&scene, false).content).unwrap();
+        // Millimeters become meters.
+        let meters = String::from_utf8(boxer(&scene, false).content).unwrap();
         file.length_unit = Some("km".into());
         let scene = CheckedScene::new(&file, BodyChoice::Tangent).unwrap();
-        let kilometres = String::from_utf8(boxer(&scene, false).content).unwrap();
+        let kilometers = String::from_utf8(boxer(&scene, false).content).unwrap();
         let number = |text: &str, column: usize| {
             text.lines().nth(1).unwrap().split(',').nth(column).unwrap().parse::<f64>().unwrap()
         };
         for column in [1, 2, 8, 9, 10] {
-            assert_eq!(number(&kilometres, column), 1000.0 * number(&metres, column));
+            assert_eq!(number(&kilometers, column), 1000.0 * number(&meters, column));
         }
     }
 }

@@ -10,8 +10,8 @@ use super::CheckedScene;
 const SHARE_OF_DISTANCE: f64 = 0.1;
 
 impl CheckedScene<'_> {
-    /// For each camera its centre and the corners of its image (top left, top right, bottom right, bottom left) at a
-    /// depth, in the world. Cameras without a centre are skipped; a depth of zero skips all.
+    /// For each camera its center and the corners of its image (top left, top right, bottom right, bottom left) at a
+    /// depth, in the world. Cameras without a center are skipped; a depth of zero skips all.
     pub(super) fn frusta(&self, depth: Option<f64>) -> Vec<[Point3<f64>; 5]> {
         let depth = depth.unwrap_or_else(|| SHARE_OF_DISTANCE * self.median_distance());
         if depth <= 0.0 {
@@ -20,7 +20,7 @@ impl CheckedScene<'_> {
         self.scene.frames.iter().filter_map(|frame| frustum(frame, depth)).collect()
     }
 
-    /// Median distance of the cameras from the centre of the objects; ten without cameras or objects.
+    /// Median distance of the cameras from the center of the objects; ten without cameras or objects.
     fn median_distance(&self) -> f64 {
         let n = self.objects.len().max(1) as f64;
         let middle = Point3::from(self.objects.iter().map(|o| o.body.center().coords).sum::<Vector3<f64>>() / n);
@@ -37,7 +37,7 @@ fn frustum(frame: &Frame, depth: f64) -> Option<[Point3<f64>; 5]> {
     let m = projection.m();
     let axis = m.row(2).transpose().try_normalize(0.0)?;
     let principal = projection.project_point(&(center + axis))?;
-    // Without an image size the principal point is used as the image centre.
+    // Without an image size the principal point is used as the image center.
     let size = frame.image_size.unwrap_or(principal * 2.0);
     let corner = |x: f64, y: f64| {
         let pixel = Vector2::new(x * size.x, y * size.y);

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Semi-major axis of WGS84 in metres.
+/// Semi-major axis of WGS84 in meters.
 const MAJOR: f64 = 6_378_137.0;
 /// Flattening of WGS84.
 const FLATTENING: f64 = 1.0 / 298.257_223_563;
@@ -16,16 +16,16 @@ pub struct Place {
     pub latitude: f64,
     /// Longitude in degrees, east positive, from -180 to 180.
     pub longitude: f64,
-    /// Height above the ellipsoid in metres.
+    /// Height above the ellipsoid in meters.
     pub altitude: f64,
 }
 
 /// The tangent frame at a place.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Tangent {
-    /// The origin in the Earth-centred frame, metres.
+    /// The origin in the Earth-centered frame, meters.
     origin: Vector3<f64>,
-    /// The columns are east, north and up in the Earth-centred frame.
+    /// The columns are east, north and up in the Earth-centered frame.
     axes: Matrix3<f64>,
 }
 
@@ -41,7 +41,7 @@ impl Tangent {
         Self { origin: foot + up * place.altitude, axes: Matrix3::from_columns(&[east, north, up]) }
     }
 
-    /// The place of a position `(east, north, up)` in metres.
+    /// The place of a position `(east, north, up)` in meters.
     pub(super) fn place(&self, position: &Vector3<f64>) -> Place {
         let at = self.origin + self.axes * position;
         let from_axis = at.x.hypot(at.y);
@@ -83,7 +83,7 @@ mod tests {
         for ([latitude, longitude, altitude], position, [lon, lat, height]) in cases {
             let tangent = Tangent::new(&Place { latitude, longitude, altitude });
             let found = tangent.place(&Vector3::from(position));
-            // A ten millionth of a millimetre on the ground is 1e-12 degrees; PROJ's altitudes are good to 1e-8 m.
+            // A ten millionth of a millimeter on the ground is 1e-12 degrees; PROJ's altitudes are good to 1e-8 m.
             assert!((found.latitude - lat).abs() < 1e-12, "{found:?} {lat}");
             assert!((found.longitude - lon).abs() < 1e-11, "{found:?} {lon}");
             assert!((found.altitude - height).abs() < 1e-7, "{found:?} {height}");

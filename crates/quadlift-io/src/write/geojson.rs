@@ -1,5 +1,5 @@
 //! GeoJSON (RFC 7946): the objects as points on Earth with their figures, and the 95 % ellipses of their horizontal positions
-//! as polygons. Longitude, latitude (degrees, WGS84) and height above the ellipsoid (metres).
+//! as polygons. Longitude, latitude (degrees, WGS84) and height above the ellipsoid (meters).
 
 use std::f64::consts::TAU;
 
@@ -58,7 +58,7 @@ pub fn geojson(scene: &CheckedScene, options: &GeoJsonOptions) -> Result<Documen
     let world = World::new(scene, options)?;
     let [x, y, z] = options.north;
     let mut notes = vec![format!("north is the horizontal part of the world's ({x}, {y}, {z})")];
-    notes.extend(scene.metres().1);
+    notes.extend(scene.meters().1);
     if options.origin.is_none() {
         notes.push(format!("the origin is the {REFERENCE} of the scene"));
     }
@@ -90,11 +90,11 @@ pub fn geojson(scene: &CheckedScene, options: &GeoJsonOptions) -> Result<Documen
 /// From the world to the Earth.
 struct World {
     tangent: Tangent,
-    /// From the world to east, north, up in metres: a rotation times the metres in the world unit.
+    /// From the world to east, north, up in meters: a rotation times the meters in the world unit.
     east_north_up: Matrix3<f64>,
     /// Upwards in the world, a unit vector.
     up: Vector3<f64>,
-    metres: f64,
+    meters: f64,
 }
 
 impl World {
@@ -104,9 +104,9 @@ impl World {
             let problem = "the scene has no place on Earth: set that of the world's origin with --origin LAT,LON,ALT";
             return Err(EntryError::new(REFERENCE, problem));
         };
-        let Some(metres) = scene.known_metres() else {
+        let Some(meters) = scene.known_meters() else {
             let found = scene.file.length_unit.as_deref().map_or("none".to_owned(), |unit| format!("\"{unit}\""));
-            let problem = format!("found {found}, expected a unit such as \"m\": places on Earth need metres");
+            let problem = format!("found {found}, expected a unit such as \"m\": places on Earth need meters");
             return Err(EntryError::new("length_unit", problem));
         };
         let Some(up) = scene.file.up.and_then(|up| Vector3::from(up).try_normalize(0.0)) else {
@@ -121,7 +121,7 @@ impl World {
         }
         let north = level.normalize();
         let axes = Matrix3::from_columns(&[north.cross(&up), north, up]);
-        Ok(Self { tangent: Tangent::new(&origin), east_north_up: axes.transpose() * metres, up, metres })
+        Ok(Self { tangent: Tangent::new(&origin), east_north_up: axes.transpose() * meters, up, meters })
     }
 
     /// Longitude, latitude and height of a position (east, north, up); the longitude is near the given one, so that a polygon
@@ -131,7 +131,7 @@ impl World {
         if let Some(near) = near {
             longitude += 360.0 * ((near - longitude) / 360.0).round();
         }
-        // A billionth of a degree is a tenth of a millimetre.
+        // A billionth of a degree is a tenth of a millimeter.
         [rounded(longitude, 9), rounded(latitude, 9), rounded(altitude, 4)]
     }
 }
@@ -161,8 +161,8 @@ fn point(
     covariance: Option<&Matrix3<f64>>,
     score: Option<f64>,
 ) -> Value {
-    let height = (object.body.support(&world.up) + object.body.support(&-world.up)) * world.metres;
-    let size = Placement::from(&object.body).half_extents * (2.0 * world.metres);
+    let height = (object.body.support(&world.up) + object.body.support(&-world.up)) * world.meters;
+    let size = Placement::from(&object.body).half_extents * (2.0 * world.meters);
     let mut properties = Map::new();
     let mut set = |key: &str, value: Value| properties.insert(key.to_owned(), value);
     set("kind", json!("object"));
@@ -180,7 +180,7 @@ fn point(
     json!({ "type": "Feature", "geometry": geometry, "properties": properties })
 }
 
-/// The ellipse that contains the horizontal position with a probability of [`PROBABILITY`], at the height of the centre.
+/// The ellipse that contains the horizontal position with a probability of [`PROBABILITY`], at the height of the center.
 fn ellipse(world: &World, object: &Object, center: &Vector3<f64>, covariance: &Matrix3<f64>) -> Value {
     let level: Matrix2<f64> = covariance.fixed_view::<2, 2>(0, 0).into_owned();
     let eigen = SymmetricEigen::new(0.5 * (level + level.transpose()));
@@ -245,7 +245,7 @@ mod tests {
         let properties = r#"{"category":"cup","height":1.5,"id":"1","kind":"object","score":null,"sd_east":0.2,"sd_north":0.3,"sd_up":1.0,"size_1":1.0,"size_2":0.5,"size_3":1.5}"#;
         assert_eq!(features[0]["properties"].to_string(), properties);
         assert_eq!(features[0]["geometry"]["type"], "Point");
-        // The centre is (1, 0.5, 0) east, north, up.
+        // The center is (1, 0.5, 0) east, north, up.
         let place = Tangent::new(&ORIGIN).place(&Vector3::new(1.0, 0.5, 0.0));
         assert_eq!(features[0]["geometry"]["coordinates"][0], rounded(place.longitude, 9));
         assert_eq!(features[0]["properties"]["height"], 1.5);
@@ -285,7 +285,7 @@ mod tests {
 
     #[test]
     fn the_world_may_have_other_axes_and_units() {
-        // z down, north along x: the same scene after a turn, in millimetres.
+        // z down, north along x: the same scene after a turn, in millimeters.
         let upright = GeoJsonOptions { origin: Some(ORIGIN), ..Default::default() };
         let mut file = three_bodies();
         let (expected, _) = export(&file, &upright).unwrap();
@@ -321,8 +321,8 @@ mod tests {
         ];
         insta::assert_snapshot!(messages.join("\n"), @r#"
     reference_lla: the scene has no place on Earth: set that of the world's origin with --origin LAT,LON,ALT
-    length_unit: found none, expected a unit such as "m": places on Earth need metres
-    length_unit: found "parsec", expected a unit such as "m": places on Earth need metres
+    length_unit: found none, expected a unit such as "m": places on Earth need meters
+    length_unit: found "parsec", expected a unit such as "m": places on Earth need meters
     up: there is none: places on Earth need the direction against gravity
     up: north is parallel to it: set a world direction of north with --north X,Y,Z
     reference_lla.latitude: expected a number up to 90

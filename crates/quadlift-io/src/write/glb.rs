@@ -1,5 +1,5 @@
-//! glTF 2.0 in one binary file: a node for each object that places a mesh of half extents one, in translucent colours of
-//! the categories, and the camera frusta as lines. Metres, y up.
+//! glTF 2.0 in one binary file: a node for each object that places a mesh of half extents one, in translucent colors of
+//! the categories, and the camera frusta as lines. Meters, y up.
 //!
 //! Format: *glTF 2.0 Specification* (Khronos), sections 3 and 4.4.
 
@@ -36,7 +36,7 @@ pub(super) const FORMAT: ExportFormat = ExportFormat {
     write: Writer::Bodies(|scene, options| Ok(glb(scene, options.frusta))),
 };
 
-/// The scene as glTF. The root node turns the world so that y is up and converts its unit to metres; the nodes below it
+/// The scene as glTF. The root node turns the world so that y is up and converts its unit to meters; the nodes below it
 /// have world coordinates. `frustum_depth` as in [`super::ply::ply`].
 pub fn glb(scene: &CheckedScene, frustum_depth: Option<f64>) -> Document {
     let mut parts = Parts::default();
@@ -86,11 +86,11 @@ pub fn glb(scene: &CheckedScene, frustum_depth: Option<f64>) -> Document {
         nodes.push(json!({ "name": "cameras", "mesh": parts.meshes.len() - 1, "translation": translation }));
     }
     let (up, up_note) = upward(scene);
-    let (metres, unit_note) = scene.metres();
+    let (meters, unit_note) = scene.meters();
     let root = json!({
         "name": scene.file.name.as_deref().unwrap_or("scene"),
         "rotation": quaternion(&y_up_from(&up)),
-        "scale": [metres, metres, metres],
+        "scale": [meters, meters, meters],
         "children": (0..nodes.len()).collect::<Vec<_>>(),
     });
     nodes.push(root);
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn up_becomes_y_and_units_metres() {
+    fn up_becomes_y_and_units_meters() {
         let mut file = test_scene::three_bodies();
         let root = |file: &SceneFile| {
             let (document, _, notes) = written(file);

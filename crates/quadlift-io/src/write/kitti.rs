@@ -1,4 +1,4 @@
-//! KITTI's labels of the tracking benchmark: a line for each object in each frame, 17 fields. Metres, in the axes of each
+//! KITTI's labels of the tracking benchmark: a line for each object in each frame, 17 fields. Meters, in the axes of each
 //! frame's camera.
 //!
 //! The format supports rotation about the camera's y axis only: tilt is lost. Each body becomes the smallest upright
@@ -21,7 +21,7 @@ use crate::read::kitti::read_cam_from_rect;
 pub struct KittiLabelOptions {
     /// Only frames in which the object was detected; otherwise all frames in which it is visible.
     pub only_detected: bool,
-    /// From the rectified axes of KITTI's camera 0 to those of the scene's camera, in metres
+    /// From the rectified axes of KITTI's camera 0 to those of the scene's camera, in meters
     /// ([`crate::read::kitti::read_cam_from_rect`]); labels are written in the former. The identity where absent.
     pub cam_from_rect: Option<Matrix4<f64>>,
 }
@@ -42,14 +42,14 @@ pub(super) const FORMAT: ExportFormat = ExportFormat {
 pub fn kitti_labels(scene: &CheckedScene, options: &KittiLabelOptions) -> Document {
     let (frames, by_position) = numbers_for(scene.scene.frames.iter().map(|frame| frame.id.as_str()), "");
     let (tracks, tracks_by_position) = numbers_for(scene.objects.iter().map(|object| object.id.as_str()), "t");
-    let (metres, unit_note) = scene.metres();
+    let (meters, unit_note) = scene.meters();
     let rect_from_cam = options.cam_from_rect.and_then(|pose| pose.try_inverse()).unwrap_or_else(Matrix4::identity);
     let mut text = String::new();
     let mut labels = 0;
     for SeenObject { frame_index, object_index, bounding_box } in scene.seen_objects(options.only_detected) {
         let object = &scene.objects[object_index];
         let Some(pose) = scene.scene.frames[frame_index].projection.camera_pose() else { continue };
-        let upright = UprightBox::around(object, &pose, metres, &rect_from_cam);
+        let upright = UprightBox::around(object, &pose, meters, &rect_from_cam);
         let kind = object.category_name().replace(char::is_whitespace, "_");
         let kind = if object.category.is_some() { kind.as_str() } else { "Misc" };
         let [l, t, r, b] = bounding_box.edges();
@@ -90,7 +90,7 @@ struct UprightBox {
 }
 
 impl UprightBox {
-    fn around(object: &Object, pose: &CamFromWorld, metres: f64, rect_from_cam: &Matrix4<f64>) -> Self {
+    fn around(object: &Object, pose: &CamFromWorld, meters: f64, rect_from_cam: &Matrix4<f64>) -> Self {
         let rotation = pose.matrix().fixed_columns::<3>(0).into_owned();
         let placement = Placement::from(&object.body);
         let axes = rotation * placement.rotation.matrix();
@@ -100,8 +100,8 @@ impl UprightBox {
         let along = if placement.half_extents[flat[0]] >= placement.half_extents[flat[1]] { flat[0] } else { flat[1] };
         let length = Vector3::new(axes[(0, along)], 0.0, axes[(2, along)]).normalize();
         let (height, width) = (Vector3::y(), length.cross(&Vector3::y()));
-        let reach = |direction: &Vector3<f64>| metres * object.body.support(&(rotation.transpose() * direction));
-        let center = (rotation * placement.center.coords + pose.matrix().column(3)) * metres;
+        let reach = |direction: &Vector3<f64>| meters * object.body.support(&(rotation.transpose() * direction));
+        let center = (rotation * placement.center.coords + pose.matrix().column(3)) * meters;
         let bottom = rect_from_cam.transform_point(&(center + height * reach(&height)).into());
         Self {
             size: [height, width, length].map(|direction| 2.0 * reach(&direction)),
@@ -140,7 +140,7 @@ mod tests {
     #[test]
     fn our_reader_finds_an_upright_cuboid_again() {
         let mut file = test_scene::three_bodies();
-        // Lengths are millimetres; the world is that of the second camera, turned about its y axis.
+        // Lengths are millimeters; the world is that of the second camera, turned about its y axis.
         file.length_unit = Some("mm".into());
         let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), 0.7)
             * Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);

@@ -1,5 +1,5 @@
 //! A log in MCAP that ROS 2's tools, RViz and Foxglove read: the objects as `vision_msgs/Detection3DArray` and as markers, and what
-//! they were measured from: cameras, their poses, 2D detections. Metres; sizes are full extents.
+//! they were measured from: cameras, their poses, 2D detections. Meters; sizes are full extents.
 //!
 //! Everything has the time of its frame. The markers, and the array of all objects, are latched.
 
@@ -27,7 +27,7 @@ const TEXT: i32 = 9;
 const ADD: i32 = 0;
 const DELETE_ALL: i32 = 3;
 
-/// Centre, angle, width and height of the box of a detection: the turned box, or else the box, or that around the outline.
+/// Center, angle, width and height of the box of a detection: the turned box, or else the box, or that around the outline.
 fn box_of(detection: &DetectionRecord) -> Option<[f64; 5]> {
     if let (Some(turned), None) = (&detection.oriented_box, &detection.outline) {
         return Some([turned.center[0], turned.center[1], turned.angle, turned.size[0], turned.size[1]]);
@@ -50,11 +50,11 @@ pub(super) const FORMAT: ExportFormat = ExportFormat {
 
 /// The log of a scene; `frame_id` is the name of the world.
 pub fn mcap(scene: &CheckedScene, frame_id: &str) -> Document {
-    let (metres, unit_note) = scene.metres();
+    let (meters, unit_note) = scene.meters();
     let mut notes = vec!["the axes are those of the scene's world".to_owned()];
     notes.extend(unit_note);
     let stamps = stamps(scene, &mut notes);
-    let log = Log { scene, frame_id, metres, scores: Scores::of(scene, &mut notes) };
+    let log = Log { scene, frame_id, meters, scores: Scores::of(scene, &mut notes) };
     let mut writer = LogWriter::new();
     // Times, channels and contents.
     let mut messages: Vec<(i64, u16, Vec<u8>)> = Vec::new();
@@ -131,8 +131,8 @@ pub struct MapMessages<'s, 'a> {
 impl<'s, 'a> MapMessages<'s, 'a> {
     /// The objects of a result at a time in nanoseconds; `frame_id` is the name of the world.
     pub fn new(scene: &'s CheckedScene<'a>, frame_id: &'s str, stamp: i64) -> Self {
-        let (metres, _) = scene.metres();
-        Self { log: Log { scene, frame_id, metres, scores: Scores::known(scene) }, stamp }
+        let (meters, _) = scene.meters();
+        Self { log: Log { scene, frame_id, meters, scores: Scores::known(scene) }, stamp }
     }
 
     /// Adds the fields of a `vision_msgs/Detection3DArray` with the objects whose ids are wanted.
@@ -161,7 +161,7 @@ struct LogCamera<'a> {
 struct Log<'s, 'a> {
     scene: &'s CheckedScene<'a>,
     frame_id: &'s str,
-    metres: f64,
+    meters: f64,
     scores: Scores<'a>,
 }
 
@@ -211,7 +211,7 @@ impl<'a> Log<'_, 'a> {
     fn transform(&self, stamp: i64, cam_from_world: &[[f64; 4]; 3], child: &str) -> Vec<u8> {
         let matrix = from_rows(cam_from_world);
         let rotation = Rotation3::from_matrix_unchecked(matrix.fixed_view::<3, 3>(0, 0).into_owned());
-        let translation = Translation3::from(matrix.fixed_view::<3, 1>(0, 3) * self.metres);
+        let translation = Translation3::from(matrix.fixed_view::<3, 1>(0, 3) * self.meters);
         let world_from_cam =
             Isometry3::from_parts(translation, UnitQuaternion::from_rotation_matrix(&rotation)).inverse();
         let mut message = CdrWriter::default();
@@ -252,20 +252,20 @@ impl<'a> Log<'_, 'a> {
         header(message, stamp, self.frame_id).u32(objects.len() as u32);
         for object in objects {
             let placement = Placement::from(&object.body);
-            let covariance = object.covariance.as_ref().map(|c| pose_covariance(c, &placement, self.metres));
+            let covariance = object.covariance.as_ref().map(|c| pose_covariance(c, &placement, self.meters));
             header(message, stamp, self.frame_id).u32(1);
             message.text(object.category_name()).f64(self.scores.get(&object.id, frame));
             self.pose(message, &placement);
             // In ROS all zeros mean "unknown".
             message.f64s(covariance.unwrap_or_default().transpose().iter().copied());
             self.pose(message, &placement);
-            message.f64s((placement.half_extents * (2.0 * self.metres)).iter().copied()).text(&object.id);
+            message.f64s((placement.half_extents * (2.0 * self.meters)).iter().copied()).text(&object.id);
         }
     }
 
     fn pose(&self, message: &mut CdrWriter, placement: &Placement) {
         let [w, x, y, z] = quaternion_from_rotation(&placement.rotation);
-        message.f64s(placement.center.coords.iter().map(|x| x * self.metres)).f64s([x, y, z, w]);
+        message.f64s(placement.center.coords.iter().map(|x| x * self.meters)).f64s([x, y, z, w]);
     }
 
     /// A body and a label for each wanted object, after a marker that removes those before if they are replaced.
@@ -275,7 +275,7 @@ impl<'a> Log<'_, 'a> {
         let mut message = CdrWriter::default();
         message.u32(u32::from(replaces) + 2 * objects.len() as u32);
         let rest = |message: &mut CdrWriter, text: &str| {
-            // Lifetime: for ever; not locked to its frame; no points, no colours, no texture.
+            // Lifetime: for ever; not locked to its frame; no points, no colors, no texture.
             message.i32(0).u32(0).u8(0).u32(0).u32(0).text("");
             header(message, 0, "").text("").u32(0).u32(0).text(text).text("");
             // No mesh file.
@@ -288,7 +288,7 @@ impl<'a> Log<'_, 'a> {
         }
         for (id, object) in (0..).zip(objects) {
             let placement = Placement::from(&object.body);
-            let size = placement.half_extents * (2.0 * self.metres);
+            let size = placement.half_extents * (2.0 * self.meters);
             let kind = match placement.shape {
                 Shape::Cylinder => CYLINDER,
                 // The nearest to a rounded body.
@@ -306,9 +306,9 @@ impl<'a> Log<'_, 'a> {
             message.f64s(size.iter().copied()).f32(r).f32(g).f32(b).f32(0.6);
             rest(&mut message, "");
             marker(&mut message, "labels", TEXT);
-            let reach = (placement.rotation.matrix().abs() * placement.half_extents * self.metres).z;
+            let reach = (placement.rotation.matrix().abs() * placement.half_extents * self.meters).z;
             let height = 0.3 * size.max().min(1.0);
-            let center = placement.center.coords * self.metres;
+            let center = placement.center.coords * self.meters;
             message.f64s([center.x, center.y, center.z + reach + height, 0.0, 0.0, 0.0, 1.0]);
             message.f64s([0.0, 0.0, height]).f32(1.0).f32(1.0).f32(1.0).f32(1.0);
             rest(&mut message, &format!("{} {}", object.category_name(), object.id));

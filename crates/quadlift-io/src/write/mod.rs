@@ -42,7 +42,7 @@ use crate::scene_file::SceneFile;
 
 pub use format::{ExportFormat, Writer};
 pub use options::{WRITE, WriteOptions};
-pub(crate) use units::metres_of;
+pub(crate) use units::meters_of;
 
 /// The formats of objects and cameras that are written. Tables and recordings are written by `tables` (feature `parquet`) and the crate
 /// quadlift-report.
@@ -132,7 +132,7 @@ impl<'a> CheckedScene<'a> {
         self.objects.len()
     }
 
-    /// Ids of the objects with a body, and the centres of the bodies.
+    /// Ids of the objects with a body, and the centers of the bodies.
     pub fn centers(&self) -> impl Iterator<Item = (&str, Point3<f64>)> {
         self.objects.iter().map(|object| (object.id.as_str(), object.body.center()))
     }

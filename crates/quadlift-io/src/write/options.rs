@@ -103,7 +103,7 @@ pub const WRITE: &[Write] = &[
             let is_valid = |[latitude, longitude, _]: &[f64; 3]| latitude.abs() <= 90.0 && longitude.abs() <= 180.0;
             let [latitude, longitude, altitude] = three_numbers(text)
                 .filter(is_valid)
-                .ok_or_else(|| "expected LAT,LON,ALT in degrees and metres, such as 48.2,16.37,170".to_owned())?;
+                .ok_or_else(|| "expected LAT,LON,ALT in degrees and meters, such as 48.2,16.37,170".to_owned())?;
             o.origin = Some(Place { latitude, longitude, altitude });
             Ok(())
         },

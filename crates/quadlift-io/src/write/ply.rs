@@ -1,4 +1,4 @@
-//! PLY: meshes of the bodies in the colours of their categories, and camera frusta. World coordinates and units.
+//! PLY: meshes of the bodies in the colors of their categories, and camera frusta. World coordinates and units.
 //!
 //! Binary, little-endian; each vertex has doubles `x y z` and bytes `red green blue alpha`, each face a byte with the
 //! number of its vertices (3) and their indices as 32-bit integers. Format: Greg Turk, *The PLY polygon file format*.
@@ -9,7 +9,7 @@ use super::format::{ExportFormat, Writer};
 use super::mesh::unit_body;
 use super::{CheckedScene, Document, Placement, colors};
 
-/// Faces of a frustum as indices of its five points: its centre and the corners of the image.
+/// Faces of a frustum as indices of its five points: its center and the corners of the image.
 const FRUSTUM: [[u32; 3]; 6] = [[0, 2, 1], [0, 3, 2], [0, 4, 3], [0, 1, 4], [1, 2, 3], [1, 3, 4]];
 
 /// Alpha of the bodies and of the frusta.
@@ -131,7 +131,7 @@ mod tests {
         let reach = 0.5f64.cos() + 0.5 * 0.5f64.sin();
         assert!(close(extent(rounded..rounded + 8, 0), (-1.0 - reach, -1.0 + reach)));
         assert!(close(extent(points.len() - 10..points.len() - 5, 1), (-10.0, -9.0)), "the first camera");
-        // Cups have one colour, boxes another.
+        // Cups have one color, boxes another.
         assert_eq!(colors[0], colors[rounded + 8]);
         assert_ne!(colors[0], colors[rounded]);
         assert_eq!(colors[points.len() - 1], [110, 110, 110, 255]);

@@ -1,6 +1,6 @@
-//! JSON of the shape of ROS 2's `vision_msgs/Detection3DArray`: one detection per object, in the world. Metres.
+//! JSON of the shape of ROS 2's `vision_msgs/Detection3DArray`: one detection per object, in the world. Meters.
 //!
-//! `bbox.size` are full extents and the pose is at the centre. The covariance is that of `geometry_msgs`: 6x6 by rows,
+//! `bbox.size` are full extents and the pose is at the center. The covariance is that of `geometry_msgs`: 6x6 by rows,
 //! position and then turns about the fixed axes of the world.
 
 use std::f64::consts::PI;
@@ -31,31 +31,31 @@ pub(super) const FORMAT: ExportFormat = ExportFormat {
 
 /// The objects as a message whose header names `frame_id`, the name of the world.
 pub fn ros(scene: &CheckedScene, frame_id: &str) -> Document {
-    let (metres, unit_note) = scene.metres();
+    let (meters, unit_note) = scene.meters();
     let header = json!({ "stamp": { "sec": 0, "nanosec": 0 }, "frame_id": frame_id });
-    let detections: Vec<Value> = scene.objects.iter().map(|object| detection(object, metres, &header)).collect();
+    let detections: Vec<Value> = scene.objects.iter().map(|object| detection(object, meters, &header)).collect();
     let counts = vec![("detection", detections.len())];
     let document = json!({ "header": header, "detections": detections });
     let notes = ["the axes are those of the scene's world".to_owned()].into_iter().chain(unit_note).collect();
     Document { content: format!("{document:#}\n").into_bytes(), counts, notes }
 }
 
-fn detection(object: &Object, metres: f64, header: &Value) -> Value {
+fn detection(object: &Object, meters: f64, header: &Value) -> Value {
     let placement = Placement::from(&object.body);
     let [w, x, y, z] = quaternion_from_rotation(&placement.rotation);
     let pose = json!({
-        "position": xyz(&(placement.center.coords * metres)),
+        "position": xyz(&(placement.center.coords * meters)),
         "orientation": { "x": x, "y": y, "z": z, "w": w },
     });
     // In ROS all zeros mean "unknown".
-    let covariance = object.covariance.as_ref().map(|c| pose_covariance(c, &placement, metres)).unwrap_or_default();
+    let covariance = object.covariance.as_ref().map(|c| pose_covariance(c, &placement, meters)).unwrap_or_default();
     json!({
         "header": header,
         "results": [{
             "hypothesis": { "class_id": object.category_name(), "score": 1.0 },
             "pose": { "pose": pose, "covariance": covariance.transpose().as_slice() },
         }],
-        "bbox": { "center": pose, "size": xyz(&(placement.half_extents * (2.0 * metres))) },
+        "bbox": { "center": pose, "size": xyz(&(placement.half_extents * (2.0 * meters))) },
         "id": object.id,
     })
 }
@@ -64,10 +64,10 @@ fn xyz(v: &Vector3<f64>) -> Value {
     json!({ "x": v.x, "y": v.y, "z": v.z })
 }
 
-/// Covariance of position (metres) and turns about the world's axes (radians).
-pub(super) fn pose_covariance(covariance: &Covariance, placement: &Placement, metres: f64) -> Matrix6 {
+/// Covariance of position (meters) and turns about the world's axes (radians).
+pub(super) fn pose_covariance(covariance: &Covariance, placement: &Placement, meters: f64) -> Matrix6 {
     let r = placement.rotation.matrix();
-    // The turn in the object's frame as a linear function of the six coordinates after the centre.
+    // The turn in the object's frame as a linear function of the six coordinates after the center.
     let turn = match covariance.coordinates {
         CovarianceCoordinates::CenterRotationLogAxes => {
             let mut turn = SMatrix::<f64, 3, 6>::zeros();
@@ -77,12 +77,12 @@ pub(super) fn pose_covariance(covariance: &Covariance, placement: &Placement, me
         CovarianceCoordinates::CenterVechShape => turn_from_shape(placement),
     };
     let mut map = SMatrix::<f64, 6, 9>::zeros();
-    map.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(metres);
+    map.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(meters);
     map.fixed_view_mut::<3, 6>(3, 3).copy_from(&(r * turn));
     let mut result = map * covariance.matrix * map.transpose();
     let turns = result.fixed_view::<3, 3>(3, 3);
     if !result.iter().all(|x| x.is_finite()) || turns.diagonal().max() > LARGEST_VARIANCE {
-        let center = covariance.matrix.fixed_view::<3, 3>(0, 0) * (metres * metres);
+        let center = covariance.matrix.fixed_view::<3, 3>(0, 0) * (meters * meters);
         result = Matrix6::from_diagonal_element(UNKNOWN_ANGLE);
         result.fixed_view_mut::<3, 3>(0, 0).copy_from(&center);
     }
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn covariances_are_in_metres_about_the_axes_of_the_world() {
+    fn covariances_are_in_meters_about_the_axes_of_the_world() {
         let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
         let body = Ellipsoid { center: Point3::origin(), semi_axes: Vector3::new(3.0, 1.0, 2.0), rotation };
         let placement = Placement::from(&quadlift::geometry::Body::Ellipsoid(body));

@@ -1,9 +1,9 @@
-//! Lengths in metres, for formats that have no other unit.
+//! Lengths in meters, for formats that have no other unit.
 
 use super::CheckedScene;
 
 /// Units with their names in scene files.
-const METRES: [(&[&str], f64); 7] = [
+const METERS: [(&[&str], f64); 7] = [
     (&["m", "metre", "metres", "meter", "meters"], 1.0),
     (&["dm"], 0.1),
     (&["cm", "centimetres", "centimeters"], 0.01),
@@ -14,25 +14,25 @@ const METRES: [(&[&str], f64); 7] = [
 ];
 
 /// Metres in a unit, if it is known.
-pub(crate) fn metres_of(unit: &str) -> Option<f64> {
-    METRES.iter().find(|(names, _)| names.contains(&unit)).map(|(_, metres)| *metres)
+pub(crate) fn meters_of(unit: &str) -> Option<f64> {
+    METERS.iter().find(|(names, _)| names.contains(&unit)).map(|(_, meters)| *meters)
 }
 
 impl CheckedScene<'_> {
     /// Metres in the world unit, if it is known.
-    pub(super) fn known_metres(&self) -> Option<f64> {
-        metres_of(self.scene.length_unit.as_deref()?)
+    pub(super) fn known_meters(&self) -> Option<f64> {
+        meters_of(self.scene.length_unit.as_deref()?)
     }
 
     /// Metres in the world unit, and what was converted or assumed.
-    pub(super) fn metres(&self) -> (f64, Option<String>) {
+    pub(super) fn meters(&self) -> (f64, Option<String>) {
         let Some(unit) = &self.scene.length_unit else {
-            return (1.0, Some("the scene has no length_unit: metres were assumed".to_owned()));
+            return (1.0, Some("the scene has no length_unit: meters were assumed".to_owned()));
         };
-        match metres_of(unit) {
+        match meters_of(unit) {
             Some(1.0) => (1.0, None),
-            Some(metres) => (metres, Some(format!("lengths were converted from {unit} to metres"))),
-            None => (1.0, Some(format!("unknown length_unit \"{unit}\": metres were assumed"))),
+            Some(meters) => (meters, Some(format!("lengths were converted from {unit} to meters"))),
+            None => (1.0, Some(format!("unknown length_unit \"{unit}\": meters were assumed"))),
         }
     }
 }
@@ -44,14 +44,14 @@ mod tests {
 
     #[test]
     fn units_are_converted_or_told() {
-        let metres = |unit: Option<&str>| {
+        let meters = |unit: Option<&str>| {
             let file = SceneFile { length_unit: unit.map(str::to_owned), ..SceneFile::default() };
-            CheckedScene::new(&file, BodyChoice::Tangent).unwrap().metres()
+            CheckedScene::new(&file, BodyChoice::Tangent).unwrap().meters()
         };
-        assert_eq!(metres(Some("m")), (1.0, None));
-        assert_eq!(metres(Some("mm")), (0.001, Some("lengths were converted from mm to metres".to_owned())));
-        assert!(metres(None).1.unwrap().contains("has no length_unit"));
-        let (factor, note) = metres(Some("parsec"));
-        assert!(factor == 1.0 && note.unwrap().contains("\"parsec\": metres were assumed"));
+        assert_eq!(meters(Some("m")), (1.0, None));
+        assert_eq!(meters(Some("mm")), (0.001, Some("lengths were converted from mm to meters".to_owned())));
+        assert!(meters(None).1.unwrap().contains("has no length_unit"));
+        let (factor, note) = meters(Some("parsec"));
+        assert!(factor == 1.0 && note.unwrap().contains("\"parsec\": meters were assumed"));
     }
 }

@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_and_texts_are_drawn_in_the_colours_that_were_asked_for() {
+    fn lines_and_texts_are_drawn_in_the_colors_that_were_asked_for() {
         let mut bitmap = Bitmap::new(RgbImage::from_pixel(100, 40, image::Rgb([255; 3])));
         let red = Stroke { color: [255, 0, 0], opacity: 1.0, width: 2.0, dash: None };
         bitmap.line(&[Vector2::new(5.0, 10.0), Vector2::new(50.0, 10.0)], &red);

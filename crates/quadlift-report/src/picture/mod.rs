@@ -29,7 +29,7 @@ const MOST_PIXELS: f64 = 1e8;
 /// How a line is drawn.
 #[derive(Debug, Clone, Copy)]
 pub struct Stroke {
-    /// Colour.
+    /// Color.
     pub color: Color,
     /// Opacity, in [0, 1].
     pub opacity: f64,
@@ -63,7 +63,7 @@ pub struct Label {
     pub height: f64,
     /// What it says.
     pub text: String,
-    /// Colour of the letters.
+    /// Color of the letters.
     pub color: Color,
 }
 
@@ -181,7 +181,7 @@ impl Picture<'_> {
             lines.push((row, points));
         }
         for (row, line) in &lines {
-            // A dark line under the coloured one: it can be seen on any image.
+            // A dark line under the colored one: it can be seen on any image.
             canvas.line(line, &Stroke { color: BLACK, opacity: 0.5, width: 2.8 * pen, dash: None });
             canvas.line(line, &style(*row));
         }
@@ -198,7 +198,7 @@ impl Picture<'_> {
                 let text = &self.report.objects[index].id;
                 let height = LABEL * pen;
                 let place = self.label_place(line, text, height, &mut taken);
-                // White on a dark sheet with the object's colour at its left: it can be read on any image.
+                // White on a dark sheet with the object's color at its left: it can be read on any image.
                 let [x0, y0] = [place.x - 0.4 * height, place.y - 0.95 * height];
                 let sheet = |x1: f64| {
                     let y1 = place.y + 0.3 * height;

@@ -52,11 +52,11 @@ fn errors_of_points_that_are_seen_are_as_large_as_their_deviations_say() {
     let shots = shots();
     for masked in [false, true] {
         for count in [4, 10, 40, 100] {
-            let [error, normalised, tail, answers] = errors(&shots, count, false, false, masked);
-            assert!((0.4..0.8).contains(&normalised) && tail < 1.6, "{masked} {count}: {normalised} {tail}");
+            let [error, normalized, tail, answers] = errors(&shots, count, false, false, masked);
+            assert!((0.4..0.8).contains(&normalized) && tail < 1.6, "{masked} {count}: {normalized} {tail}");
             let [_, of_clusters, tail, _] = errors(&shots, count, false, true, masked);
             assert!((0.65..1.1).contains(&of_clusters) && tail < 2.2, "{masked} {count}: {of_clusters} {tail}");
-            println!("mask {masked}, {count} points: {error:.3}; {normalised:.2} {of_clusters:.2}");
+            println!("mask {masked}, {count} points: {error:.3}; {normalized:.2} {of_clusters:.2}");
             // More points tell more, and mostly there is an answer.
             assert!(error < 0.7 / (count as f64).sqrt() && answers > 0.6, "{masked} {count}: {error} {answers}");
         }
@@ -67,8 +67,8 @@ fn errors_of_points_that_are_seen_are_as_large_as_their_deviations_say() {
 fn hidden_points_do_not_count() {
     let shots = shots();
     for count in [40, 100, 300, 1000] {
-        let [error, normalised, _, answers] = errors(&shots, count, true, false, false);
-        assert!(error < 0.25 && (0.5..1.1).contains(&normalised) && answers > 0.9, "{count}: {error} {normalised}");
+        let [error, normalized, _, answers] = errors(&shots, count, true, false, false);
+        assert!(error < 0.25 && (0.5..1.1).contains(&normalized) && answers > 0.9, "{count}: {error} {normalized}");
     }
     // The same points as if all were seen.
     let mut rng = stream(9, 73);

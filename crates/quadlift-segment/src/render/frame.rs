@@ -1,4 +1,4 @@
-//! One image: a ray through the centre of every pixel, and four more where something begins or ends.
+//! One image: a ray through the center of every pixel, and four more where something begins or ends.
 
 use image::RgbImage;
 use nalgebra::{Matrix3, Point3, Vector3};
@@ -65,7 +65,7 @@ pub(super) fn render(
         }
     }
     for (x, y) in border_pixels(&seen, frame.width, frame.height) {
-        // A neighbour may begin within this pixel, beyond its own window of whole pixels.
+        // A neighbor may begin within this pixel, beyond its own window of whole pixels.
         let near = || {
             let reaches = |t: &&Target| {
                 let [x0, y0, x1, y1] = t.window;
@@ -113,7 +113,7 @@ struct Target<'a> {
     light: Vector3<f64>,
     /// Where the solid may be seen: columns and rows `[x0, y0, x1, y1]`, end not included.
     window: [u32; 4],
-    /// The centre along two directions across the light and along it, and the radius: for a quick test of shadows.
+    /// The center along two directions across the light and along it, and the radius: for a quick test of shadows.
     across: [f64; 3],
     radius: f64,
 }

@@ -2,7 +2,7 @@
 //!
 //! Objects of simple solids stand on the ground of a procedural world, a light throws shadows, and a camera goes around
 //! them on an arc, much as a person with a camera would. What is drawn follows the numpy prototype with which the
-//! segmentation was developed: colours of the objects overlap with those of the clutter and of the ground.
+//! segmentation was developed: colors of the objects overlap with those of the clutter and of the ground.
 
 mod camera;
 mod envelope;
@@ -48,7 +48,7 @@ pub struct RenderedScene {
     /// The images, in the order of the frames.
     pub images: Vec<RgbImage>,
     /// The visible pixels of all objects, in the order of the frames: object number k (from 0, in the order of the
-    /// truth) has the value `k + 1`. A pixel is the object's when the ray through its centre meets it first.
+    /// truth) has the value `k + 1`. A pixel is the object's when the ray through its center meets it first.
     pub labels: Vec<LabelImage>,
     /// What each object is, in the order of the truth.
     pub kinds: Vec<ObjectKind>,

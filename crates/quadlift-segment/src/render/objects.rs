@@ -71,7 +71,7 @@ pub(super) struct Object {
 }
 
 impl Object {
-    /// Draws an object with colours around `base`, above the origin.
+    /// Draws an object with colors around `base`, above the origin.
     pub(super) fn draw(rng: &mut ChaCha8Rng, kind: ObjectKind, base: &Color) -> Self {
         let solids = parts(rng, kind, base);
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), rng.random_range(0.0..std::f64::consts::TAU));

@@ -21,7 +21,7 @@ pub struct RenderOptions {
     pub height: u32,
     /// Angle that the camera goes around the objects, in degrees.
     pub arc: f64,
-    /// Share of the objects, in [0, 1], whose main colour is drawn around that of the ground.
+    /// Share of the objects, in [0, 1], whose main color is drawn around that of the ground.
     pub camouflage: f64,
     /// Factor on the noise of the sensor and on the changes of exposure; 1 is a small camera in a room.
     pub sensor_noise: f64,

@@ -39,7 +39,7 @@ impl Solid {
         Matrix3::from_diagonal(&self.half_sizes.map(|s| 1.0 / s)) * self.rotation.matrix().transpose()
     }
 
-    /// The radius of a ball about the centre that holds the solid.
+    /// The radius of a ball about the center that holds the solid.
     pub(super) fn radius(&self) -> f64 {
         match self.shape {
             Shape::Ellipsoid => self.half_sizes.max(),
@@ -48,7 +48,7 @@ impl Solid {
         }
     }
 
-    /// How far the solid reaches from its centre in a direction of the world, times the length of the direction.
+    /// How far the solid reaches from its center in a direction of the world, times the length of the direction.
     pub(super) fn support(&self, direction: &Vector3<f64>) -> f64 {
         let d = (self.rotation.inverse() * direction).component_mul(&self.half_sizes);
         match self.shape {
@@ -71,7 +71,7 @@ impl Solid {
         self
     }
 
-    /// The colour at a point of the surface.
+    /// The color at a point of the surface.
     pub(super) fn color(&self, point: &Point3<f64>) -> Color {
         let local = self.rotation.inverse() * (point - self.center);
         self.texture.color(&local.map(|x| x as f32))

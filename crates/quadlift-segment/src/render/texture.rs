@@ -1,11 +1,11 @@
-//! Solid textures: a colour for every point of space.
+//! Solid textures: a color for every point of space.
 
 use nalgebra::Vector3;
 use quadlift::synthetic::random::normal;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// A linear RGB colour, each channel 0 (black) to 1.
+/// A linear RGB color, each channel 0 (black) to 1.
 pub(super) type Color = Vector3<f32>;
 
 /// Number of waves that are summed for the pattern.
@@ -14,19 +14,19 @@ const WAVES: usize = 8;
 /// Frequency of the fine pattern against the coarse one.
 const FINE: f32 = 12.0;
 
-/// Two or three colours, mixed by a sum of waves in random directions, with a fine pattern of little contrast.
+/// Two or three colors, mixed by a sum of waves in random directions, with a fine pattern of little contrast.
 #[derive(Debug, Clone)]
 pub(super) struct Texture {
     colors: Vec<Color>,
     /// Wave vectors in periods per unit of length, phases in periods, amplitudes.
     waves: [(Vector3<f32>, f32, f32); WAVES],
-    /// Whether the colours have sharp borders.
+    /// Whether the colors have sharp borders.
     hard: bool,
     fine: [Vector3<f32>; 3],
 }
 
 impl Texture {
-    /// Draws a texture around a colour. `contrast` is the standard deviation of the other colours, `scale` the
+    /// Draws a texture around a color. `contrast` is the standard deviation of the other colors, `scale` the
     /// frequency of the pattern in radians per unit of length.
     pub(super) fn draw(rng: &mut ChaCha8Rng, base: &Color, contrast: f32, scale: f32) -> Self {
         let count = rng.random_range(2..4);
@@ -44,7 +44,7 @@ impl Texture {
         Self { colors, waves, hard: rng.random_range(0.0..1.0f64) < 0.5, fine }
     }
 
-    /// The colour at a point.
+    /// The color at a point.
     pub(super) fn color(&self, point: &Vector3<f32>) -> Color {
         let field: f32 = self.waves.iter().map(|(vector, phase, a)| a * wave(vector.dot(point) + phase)).sum();
         let sharpness = if self.hard { 2.4 } else { 0.7 };
@@ -71,12 +71,12 @@ fn gaussian(rng: &mut ChaCha8Rng) -> Vector3<f32> {
     Vector3::from_fn(|_, _| normal(rng) as f32)
 }
 
-/// A colour drawn around another one with a standard deviation, each channel at least `margin` away from 0 and 1.
+/// A color drawn around another one with a standard deviation, each channel at least `margin` away from 0 and 1.
 pub(super) fn near(rng: &mut ChaCha8Rng, base: &Color, deviation: f32, margin: f32) -> Color {
     (base + gaussian(rng) * deviation).map(|channel| channel.clamp(margin, 1.0 - margin))
 }
 
-/// A colour drawn uniformly, each channel in a range.
+/// A color drawn uniformly, each channel in a range.
 pub(super) fn any_color(rng: &mut ChaCha8Rng, range: std::ops::Range<f32>) -> Color {
     Color::from_fn(|_, _| rng.random_range(range.clone()))
 }
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn textures_keep_to_their_colours_and_vary() {
+    fn textures_keep_to_their_colors_and_vary() {
         let mut rng = stream(1, 0);
         for _ in 0..20 {
             let base = any_color(&mut rng, 0.05..0.95);

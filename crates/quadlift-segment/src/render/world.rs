@@ -100,7 +100,7 @@ fn placed(rng: &mut ChaCha8Rng, drawn: Vec<Object>) -> (Vec<Object>, f64) {
     (objects.into_iter().map(|object| object.shifted(&shift)).collect(), radius)
 }
 
-/// Solids around the objects; a quarter of them have the colour of an object.
+/// Solids around the objects; a quarter of them have the color of an object.
 fn clutter(rng: &mut ChaCha8Rng, radius: f64, colors: &[Color], path: &Path) -> Vec<Solid> {
     let count = rng.random_range(8..16) + 2 * colors.len().min(20);
     let mut clutter = Vec::new();

@@ -80,7 +80,7 @@ fn alike(points: &[Vec<f32>], count: usize, rng: &mut ChaCha8Rng) -> Vec<usize> 
     best.1
 }
 
-/// The sum of squared distances to the nearest centre, and the group of each point.
+/// The sum of squared distances to the nearest center, and the group of each point.
 fn k_means(points: &[Vec<f32>], count: usize, rng: &mut ChaCha8Rng) -> (f64, Vec<usize>) {
     let mut centers = vec![points[rng.random_range(0..points.len())].clone()];
     let mut nearest = vec![f64::INFINITY; points.len()];

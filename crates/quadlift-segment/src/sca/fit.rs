@@ -42,7 +42,7 @@ impl Model<'_> {
         }
     }
 
-    /// The stels of the object: those that fill the centre of the box more than its surroundings; at least one, and
+    /// The stels of the object: those that fill the center of the box more than its surroundings; at least one, and
     /// never all.
     pub(super) fn object_stels(&self) -> Vec<bool> {
         let count = self.options.stels;

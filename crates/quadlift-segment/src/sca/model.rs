@@ -26,7 +26,7 @@ pub(super) struct Model<'a> {
     pub blur: Blur,
 }
 
-/// Colours that the first palettes are made from.
+/// Colors that the first palettes are made from.
 const FIRST_COLORS: usize = 6000;
 impl<'a> Model<'a> {
     /// The start: palettes of the middle of the box and of what surrounds it, one component at the prior.

@@ -15,7 +15,7 @@ pub struct ScaOptions {
     pub rounds: usize,
     /// Relative change of F at which the rounds end.
     pub tolerance: f64,
-    /// Exponent of the likelihood (eta), in (0, 1]: neighbouring pixels are not independent.
+    /// Exponent of the likelihood (eta), in (0, 1]: neighboring pixels are not independent.
     pub tempering: f64,
     /// Weight of the mean palette of all frames in each palette, in frames (kappa); 0 for independent frames.
     pub tying: f64,

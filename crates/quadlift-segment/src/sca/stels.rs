@@ -46,7 +46,7 @@ impl Stels {
     }
 
     /// Turns counts (in frames) into probabilities: blurred, the prior added as `prior_frames` further frames,
-    /// normalised.
+    /// normalized.
     pub(super) fn normalize_counts(&mut self, prior: &BoxPrior, prior_frames: f32, blur: &Blur, grid: usize) {
         // So that no probability is zero, whatever the weight of the prior.
         const TRACE: f32 = 1e-6;

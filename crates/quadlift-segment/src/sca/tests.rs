@@ -51,7 +51,7 @@ fn the_planted_object_is_found_in_its_poses() {
 
 #[test]
 fn without_blur_and_tying_f_falls() {
-    // Only then it is the quantity that the steps minimise (the palettes' noise, which is added, is small here).
+    // Only then it is the quantity that the steps minimize (the palettes' noise, which is added, is small here).
     let (frames, _) = planted(8, 0.2, 2);
     let options = ScaOptions { blur: 0.0, tying: 0.0, ..Default::default() };
     let mut model = Model::new(&frames, &options, &mut ChaCha8Rng::seed_from_u64(4));

@@ -27,7 +27,7 @@ const FEWEST_GROUPS: usize = 4;
 const MOST_STARTS: usize = 40;
 const FEWEST_STARTS: usize = 6;
 
-/// Half the difference of the logarithms of neighbouring scales, which is also the tolerance at each.
+/// Half the difference of the logarithms of neighboring scales, which is also the tolerance at each.
 const HALF_STEP: f64 = 0.04;
 
 /// Standard deviations by which distances and heights may differ.
@@ -109,7 +109,7 @@ fn scales(maps: &PreparedMaps) -> (Vec<f64>, f64) {
     }
     let count = ((high - low) / (2.0 * HALF_STEP)).ceil().clamp(1.0, MOST_SCALES as f64);
     let half = 0.5 * (high - low) / count;
-    // Neighbouring ranges overlap by half, so that a group lies in one of them.
+    // Neighboring ranges overlap by half, so that a group lies in one of them.
     ((0..2 * count as usize - 1).map(|k| low + half * (k as f64 + 1.0)).collect(), half)
 }
 
@@ -238,7 +238,7 @@ impl Graph {
     }
 }
 
-/// The transform that brings the centres of a group together (Umeyama's method, weighted; the scale is the ratio of the spreads); turned
+/// The transform that brings the centers of a group together (Umeyama's method, weighted; the scale is the ratio of the spreads); turned
 /// about the vertical where that is known.
 fn fitted(maps: &PreparedMaps, members: &[Candidate], log_scale: f64) -> Option<Similarity> {
     let squared = (2.0 * log_scale).exp();

@@ -68,7 +68,7 @@ pub struct MapObject {
 }
 
 impl MapObject {
-    /// An object that was localised; `None` where it was not (its status is not [`Status::Ok`]). Of a body that is no ellipsoid, the
+    /// An object that was localized; `None` where it was not (its status is not [`Status::Ok`]). Of a body that is no ellipsoid, the
     /// ellipsoid of the same reach.
     pub fn from_estimate(estimate: &Estimate, category: Option<String>) -> Option<Self> {
         (estimate.status == Status::Ok).then_some(())?;
@@ -241,10 +241,10 @@ pub fn align(a: &[MapObject], b: &[MapObject], options: &AlignOptions) -> Alignm
     Alignment { status, transforms }
 }
 
-/// Chi-square of three degrees of freedom that one centre in a hundred exceeds.
+/// Chi-square of three degrees of freedom that one center in a hundred exceeds.
 const SAME_PLACE: f64 = 11.345;
 
-/// Pairs of objects of one map (indices, the lesser first) that may be one object twice: of one category, with centres that agree within
+/// Pairs of objects of one map (indices, the lesser first) that may be one object twice: of one category, with centers that agree within
 /// their errors and are nearer to each other than half the sum of the bodies' mean semi-axes, so that they cannot both be there.
 pub fn same_place(map: &[MapObject]) -> Vec<(usize, usize)> {
     let maps = PreparedMaps::new(map, map, &AlignOptions { scale: Some(1.0), up: None });

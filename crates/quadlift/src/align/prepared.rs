@@ -9,7 +9,7 @@ use super::{AlignOptions, MapObject, MapTransform};
 use crate::geometry::Similarity;
 use crate::geometry::linalg::{cholesky, symmetric_eigen3};
 
-/// Standard deviation of centres as a share of the object's size, beside their covariance: what bodies that are no ellipsoids and boxes of
+/// Standard deviation of centers as a share of the object's size, beside their covariance: what bodies that are no ellipsoids and boxes of
 /// visible parts move from one side to the other.
 const CENTER_SHARE: f64 = 0.1;
 
@@ -36,7 +36,7 @@ pub(super) struct PreparedObject {
     pub index: usize,
     pub center: Vector3<f64>,
     pub center_covariance: Matrix3<f64>,
-    /// Largest variance of the centre along any axis.
+    /// Largest variance of the center along any axis.
     pub largest_variance: f64,
     /// `log A` of its shape, and the covariance of its coordinates.
     pub log_shape: Matrix3<f64>,
@@ -51,7 +51,7 @@ pub(super) struct PreparedMap {
     pub objects: Vec<PreparedObject>,
     /// Where its middle is in its frame.
     pub middle: Vector3<f64>,
-    /// Edges of the box that has the second moments of the centres, the longest first; at least those of their errors.
+    /// Edges of the box that has the second moments of the centers, the longest first; at least those of their errors.
     pub extents: Vector3<f64>,
 }
 

@@ -9,7 +9,7 @@ use crate::geometry::linalg::{cholesky, solve_spd};
 use crate::geometry::{Similarity, skew};
 use crate::optimize::student_t::StudentT;
 
-/// Degrees of freedom of the Student t distributions of centres and of shapes: covariances of estimates may be too small.
+/// Degrees of freedom of the Student t distributions of centers and of shapes: covariances of estimates may be too small.
 pub(super) const DOF: f64 = 5.0;
 
 /// First damping, and the factor by which it changes.
@@ -26,7 +26,7 @@ type Vector7 = SVector<f64, 7>;
 
 /// The objects of map B in the frame of map A.
 pub(super) struct Moved {
-    /// Centres and their covariances.
+    /// Centers and their covariances.
     pub centers: Vec<(Vector3<f64>, Matrix3<f64>)>,
     rotation: Matrix3<f64>,
     of_coordinates: Matrix6<f64>,
@@ -51,7 +51,7 @@ impl Moved {
         self.rotation * object.log_shape * self.rotation.transpose() + Matrix3::identity() * (2.0 * self.log_scale)
     }
 
-    /// The Cholesky factor of the covariance of the difference of two centres.
+    /// The Cholesky factor of the covariance of the difference of two centers.
     pub(super) fn center_factor(&self, maps: &PreparedMaps, (i, j): (usize, usize)) -> Option<Matrix3<f64>> {
         cholesky(&(maps.a.objects[i].center_covariance + self.centers[j].1))
     }
@@ -111,15 +111,15 @@ pub(super) fn moved(a_from_b: &Similarity, pivot: &Vector3<f64>, by: &Vector7) -
 }
 
 /// Residuals and their derivatives.
-type Linearised<const N: usize> = (SVector<f64, N>, SMatrix<f64, N, 7>);
+type Linearized<const N: usize> = (SVector<f64, N>, SMatrix<f64, N, 7>);
 
-/// Residuals of a match and their derivatives by [`moved`]: of the centre, and of the coordinates of `log A`.
+/// Residuals of a match and their derivatives by [`moved`]: of the center, and of the coordinates of `log A`.
 fn residuals(
     maps: &PreparedMaps,
     now: &Moved,
     pivot: &Vector3<f64>,
     pair: (usize, usize),
-) -> (Linearised<3>, Linearised<6>) {
+) -> (Linearized<3>, Linearized<6>) {
     let center = now.centers[pair.1].0;
     let off = maps.a.objects[pair.0].center - center;
     let arm = center - pivot;

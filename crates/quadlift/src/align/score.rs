@@ -18,7 +18,7 @@ const LOG_ODDS_COMMON: f64 = -0.847_3;
 /// Logarithm of the density at zero of Student's t distribution with five degrees of freedom in three dimensions.
 const LOG_PEAK: f64 = -2.624_1;
 
-/// Squared distance of two centres, over the trace of its covariance, beyond which they are not compared.
+/// Squared distance of two centers, over the trace of its covariance, beyond which they are not compared.
 const FAR: f64 = 400.0;
 
 /// Factor on standard deviations while a transform rests on few objects.
@@ -138,7 +138,7 @@ pub(super) fn aligned(maps: &PreparedMaps, start: Similarity) -> Option<MapTrans
     finite.then(|| MapTransform { a_from_b, covariance, pivot: pivot.into(), matches: found, evidence })
 }
 
-/// The mean squared residual of the centres in standard deviations, where that is more than 1: covariances of estimates may be too small.
+/// The mean squared residual of the centers in standard deviations, where that is more than 1: covariances of estimates may be too small.
 fn misfit(maps: &PreparedMaps, a_from_b: &Similarity, pairs: &[(usize, usize)], free: f64) -> f64 {
     let moved = Moved::new(maps, a_from_b);
     let student_t = StudentT::new(DOF);

@@ -32,7 +32,7 @@ fn room(rng: &mut ChaCha8Rng, objects: usize, categories: usize) -> Vec<MapObjec
         .collect()
 }
 
-/// The objects as they are seen from one side: centres with 2 cm of error along the direction from there and 5 mm across, sizes with 5 %.
+/// The objects as they are seen from one side: centers with 2 cm of error along the direction from there and 5 mm across, sizes with 5 %.
 fn seen_from(rng: &mut ChaCha8Rng, objects: &[MapObject], eye: Point3<f64>) -> Vec<MapObject> {
     objects
         .iter()
@@ -243,9 +243,9 @@ fn maps_without_enough_objects_are_refused() {
 fn units_are_told_by_objects() {
     let mut rng = ChaCha8Rng::seed_from_u64(8);
     let all = room(&mut rng, 20, 5);
-    let millimetres =
+    let millimeters =
         Similarity { scale: 1000.0, rotation: rotation(&mut rng), translation: Vector3::new(5000.0, -300.0, 0.0) };
-    let b = moved(&all, &millimetres);
+    let b = moved(&all, &millimeters);
     let found = align(&all, &b, &options(false, false));
     assert_eq!(found.status, AlignStatus::Ok);
     assert!((found.transforms[0].a_from_b.scale - 1e-3).abs() < 1e-9);

@@ -3,8 +3,8 @@
 //! Each object takes at most one detection per frame. Its body is estimated at the same time, because the body predicts its
 //! boxes. All decisions compare log probabilities:
 //!
-//! 1. `input`: boxes, cameras, neighbouring frames, density of clutter.
-//! 2. `search::growth`: along a chain of neighbouring frames each box is assigned to the object that predicts it
+//! 1. `input`: boxes, cameras, neighboring frames, density of clutter.
+//! 2. `search::growth`: along a chain of neighboring frames each box is assigned to the object that predicts it
 //!    (`score::log_likelihood_ratio`); the remaining boxes form new objects in pairs (`score::rays`).
 //! 3. `search::em`, rounds: assign the boxes again (`search::assignment`), fit the bodies (`score::fit`), update the scene's
 //!    noise, sizes and clutter (`score::scene_statistics`, `search::frame_shift`), remove weak objects
@@ -55,7 +55,7 @@ pub fn associate(scene: &Scene, options: &AssociateOptions) -> Result<Associatio
 /// [`associate()`] with an observer.
 ///
 /// # Errors
-/// As [`associate()`]; [`AssociateError::Cancelled`] if the observer cancels.
+/// As [`associate()`]; [`AssociateError::Canceled`] if the observer cancels.
 pub fn associate_observed(
     scene: &Scene,
     options: &AssociateOptions,
@@ -66,7 +66,7 @@ pub fn associate_observed(
     let observations = Observations::new(scene, &detections);
     let context = AssociationContext::new(scene, &observations, options);
     let frames = observations.cameras.iter().filter(|c| !c.boxes.is_empty()).count();
-    let state = passes::search(&context, observations, observer).ok_or(AssociateError::Cancelled)?;
+    let state = passes::search(&context, observations, observer).ok_or(AssociateError::Canceled)?;
     let mut association = result::collect(scene, &detections, &context, &state);
     association.skipped = skipped;
     if association.objects.is_empty() {

@@ -94,9 +94,9 @@ pub enum AssociateError {
         /// What it may be.
         expected: &'static str,
     },
-    /// The observer cancelled the work.
-    #[error("cancelled")]
-    Cancelled,
+    /// The observer canceled the work.
+    #[error("canceled")]
+    Canceled,
 }
 
 impl AssociateOptions {

@@ -265,8 +265,8 @@ fn an_observer_cancels() {
     for last in [1, 7, 30] {
         let cancel =
             |done: usize, _: usize| if done < last { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
-        let cancelled = associate_observed(&scene, &AssociateOptions::default(), &cancel);
-        assert_eq!(cancelled.unwrap_err(), AssociateError::Cancelled);
+        let canceled = associate_observed(&scene, &AssociateOptions::default(), &cancel);
+        assert_eq!(canceled.unwrap_err(), AssociateError::Canceled);
     }
 }
 
@@ -426,7 +426,7 @@ fn a_mass_of_boxes_takes_bounded_time() {
     let started = std::time::Instant::now();
     run(&scene_of(10, |frame| anywhere(if frame == 4 { 5000 } else { 20 }, frame)), &AssociateOptions::default());
     run(&scene_of(8, |_| vec![[600.0, 400.0, 660.0, 460.0]; 100]), &AssociateOptions::default());
-    // Seconds even on a slow machine without optimisation; without bounds it would be hours.
+    // Seconds even on a slow machine without optimization; without bounds it would be hours.
     assert!(started.elapsed().as_secs() < 120, "{:?}", started.elapsed());
 }
 
@@ -493,12 +493,12 @@ fn evidence_does_not_depend_on_the_unit_of_length() {
                 .map(|o| o.evidence.unwrap())
                 .collect()
         };
-        let in_metres = evidence(1.0);
-        assert_eq!(in_metres.len(), objects);
+        let in_meters = evidence(1.0);
+        assert_eq!(in_meters.len(), objects);
         for unit in [1e-3, 1e3] {
             let other = evidence(unit);
             assert_eq!(other.len(), objects, "{unit}");
-            for (a, b) in in_metres.iter().zip(other) {
+            for (a, b) in in_meters.iter().zip(other) {
                 assert!((a - b).abs() < 1e-3, "{a} with the unit 1, {b} with the unit {unit}");
             }
         }

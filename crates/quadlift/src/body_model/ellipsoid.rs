@@ -1,4 +1,4 @@
-//! The parametrisation of an ellipsoid (docs/method.md, section 3).
+//! The parametrization of an ellipsoid (docs/method.md, section 3).
 
 use nalgebra::{Matrix3, SVector, Vector3};
 
@@ -26,7 +26,7 @@ const ROUND: f64 = 0.1;
 const STEP_INDEX: [[usize; 3]; 3] = [[3, 4, 5], [4, 6, 7], [5, 7, 8]];
 
 impl EllipsoidModel {
-    /// From centre and shape matrix; `None` when the shape is not positive definite.
+    /// From center and shape matrix; `None` when the shape is not positive definite.
     pub(crate) fn new(center: Vector3<f64>, shape: &Matrix3<f64>) -> Option<Self> {
         let (values, axes) = symmetric_eigen3(shape)?;
         if values[2] <= 0.0 || values[0] > values[2] * LARGEST_ASPECT * LARGEST_ASPECT {
@@ -35,7 +35,7 @@ impl EllipsoidModel {
         Some(Self::from_axes(center, axes, values.map(f64::sqrt)))
     }
 
-    /// From centre, orthonormal axes (columns) and semi-axes.
+    /// From center, orthonormal axes (columns) and semi-axes.
     pub(crate) fn from_axes(center: Vector3<f64>, axes: Matrix3<f64>, semi_axes: Vector3<f64>) -> Self {
         let root_transposed = Matrix3::from_diagonal(&semi_axes) * axes.transpose();
         Self { center, axes, semi_axes, root_transposed }

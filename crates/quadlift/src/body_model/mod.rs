@@ -56,7 +56,7 @@ fn size_differences(body: &impl BodyModel, log_half_extents: &Vector3<f64>, axes
 
 /// A body that the solver can fit.
 pub(crate) trait BodyModel: Clone + Send + Sync {
-    /// Centre.
+    /// Center.
     fn center(&self) -> &Vector3<f64>;
     /// Semi-axes, in the model's own order.
     fn semi_axes(&self) -> Vector3<f64>;
@@ -85,7 +85,7 @@ pub(crate) trait BodyModel: Clone + Send + Sync {
     fn add_spin_prior(&self, equations: &mut NormalEquations);
     /// Derivatives of the logarithms of the three semi-axes by the parameters.
     fn log_axes_gradient(&self) -> [Row; 3];
-    /// How far the visible surface lies before the centre, the median over the outline, seen from far along the unit vector
+    /// How far the visible surface lies before the center, the median over the outline, seen from far along the unit vector
     /// `ray`; with the derivatives by the six shape parameters (docs/method.md, section 19.1).
     fn near_side(&self, ray: &Vector3<f64>) -> (f64, [f64; 6]);
     /// How a measured box differs in size and rotation (docs/method.md, section 19.2).

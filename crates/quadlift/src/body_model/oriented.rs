@@ -1,4 +1,4 @@
-//! The parametrisation of cuboids, cylinders and superellipsoids (docs/method.md, section 3).
+//! The parametrization of cuboids, cylinders and superellipsoids (docs/method.md, section 3).
 
 use nalgebra::{Matrix3, Rotation3, SVector, Vector3};
 

@@ -215,7 +215,7 @@ pub(super) struct Adjusted {
     pub cost: f64,
 }
 
-/// Minimises the cost; `None` where it cannot be evaluated at the start.
+/// Minimizes the cost; `None` where it cannot be evaluated at the start.
 pub(super) fn adjust(problem: &Problem, start: State, steps: usize) -> Option<Adjusted> {
     let layout = Layout::new(problem);
     let mut state = start;

@@ -81,7 +81,7 @@ pub(super) fn contradictions(solution: &Solution, answers: &[CalibratedCamera]) 
     mirrored(solution, &cameras).into_iter().map(|camera| (camera, Contradiction::Mirrored)).collect()
 }
 
-/// Cameras on the other side of the plane in which the centres of walking bodies are, upside down: bodies look alike from below, and their
+/// Cameras on the other side of the plane in which the centers of walking bodies are, upside down: bodies look alike from below, and their
 /// mirror images on a plane are as they would be seen from there. Those of the smaller group, or all.
 fn mirrored(solution: &Solution, cameras: &[usize]) -> Vec<usize> {
     let Solution { problem, state, .. } = solution;

@@ -77,7 +77,7 @@ pub struct Rig {
     pub up: Option<Unit<Vector3<f64>>>,
 }
 
-/// A distance between the centres of two cameras that was measured.
+/// A distance between the centers of two cameras that was measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraDistance {
     /// Indices of the cameras.

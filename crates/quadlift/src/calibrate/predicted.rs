@@ -41,7 +41,7 @@ pub(super) struct Predicted {
     /// Left, top, right, bottom.
     pub edges: [f64; 4],
     rotation: Matrix3<f64>,
-    /// Centre in the camera.
+    /// Center in the camera.
     center: Vector3<f64>,
     /// `R A R^T - c c^T`: the dual conic of the outline.
     conic: Matrix3<f64>,
@@ -78,7 +78,7 @@ impl Predicted {
         Some(Self { edges, rotation: pose.rotation, center, conic, up: *up, squares })
     }
 
-    /// Depth of the centre.
+    /// Depth of the center.
     pub(super) fn depth(&self) -> f64 {
         self.center.z
     }

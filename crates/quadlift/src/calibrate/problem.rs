@@ -44,7 +44,7 @@ impl MeasuredBox {
     }
 }
 
-/// Noise of the boxes of a category, each relative to the mean half size and as the standard deviation of an edge: of centres and of
+/// Noise of the boxes of a category, each relative to the mean half size and as the standard deviation of an edge: of centers and of
 /// heights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Levels(pub [f64; 2]);
@@ -66,7 +66,7 @@ pub(super) struct BoxRow {
     pub level: Option<usize>,
 }
 
-/// The residuals of a box: its centre and its height, or single edges where the image ends. Widths say little: arms and stride change
+/// The residuals of a box: its center and its height, or single edges where the image ends. Widths say little: arms and stride change
 /// them, and all boxes of a camera that sees people from the side are too narrow alike.
 pub(super) fn box_rows(measured: &MeasuredBox, levels: Levels, predicted: &[f64; 4]) -> Vec<BoxRow> {
     let mut rows = Vec::with_capacity(4);
@@ -160,7 +160,7 @@ pub(super) struct State {
     pub poses: Vec<Pose>,
     pub up: Vector3<f64>,
     pub shapes: Vec<Shape>,
-    /// Height of the centres of a shape that walks, along `up`.
+    /// Height of the centers of a shape that walks, along `up`.
     pub heights: Vec<f64>,
     pub places: Vec<Vector3<f64>>,
 }
@@ -266,7 +266,7 @@ impl Problem {
             if length <= 0.0 {
                 continue;
             }
-            // A shift in the frame of the camera moves the centre the other way.
+            // A shift in the frame of the camera moves the center the other way.
             let direction = between / (length * known.sd);
             let (of_a, of_b) = (-(a.rotation * direction), b.rotation * direction);
             let derivative = |k: usize| {

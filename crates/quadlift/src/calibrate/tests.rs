@@ -18,7 +18,7 @@ fn parts(pose: &CamFromWorld) -> (Matrix3<f64>, Vector3<f64>) {
     (matrix.fixed_columns::<3>(0).into_owned(), matrix.column(3).into_owned())
 }
 
-/// Rotation and centre of a camera in the frame of another one.
+/// Rotation and center of a camera in the frame of another one.
 fn relative(pose: &CamFromWorld, reference: &CamFromWorld) -> (Matrix3<f64>, Vector3<f64>) {
     let ((r, t), (r0, t0)) = (parts(pose), parts(reference));
     let rotation = r * r0.transpose();

@@ -13,7 +13,7 @@ mod summary;
 
 pub use folds::view_folds;
 pub use summary::{CrossValidation, ObjectCrossValidation};
-pub(crate) use {folds::choose_folds, summary::summarise};
+pub(crate) use {folds::choose_folds, summary::summarize};
 
 /// How much is cross-validated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -35,7 +35,7 @@ pub struct CrossValidationOptions {
     /// Maximum number of fits per object (at least 2): in objects with more views, several views are left out together.
     pub fits_per_object: usize,
     /// Maximum number of fits for the scene with [`Extent::Sample`], evenly spread over its objects. 16 of them took 1
-    /// to 3 % of the time of localising 50 objects in 20 views (6 to 9 % where the kind of body was given); 8 take
+    /// to 3 % of the time of localizing 50 objects in 20 views (6 to 9 % where the kind of body was given); 8 take
     /// about half of that.
     pub sampled_fits: usize,
 }

@@ -3,7 +3,7 @@
 use super::{CrossValidationOptions, Extent};
 use crate::solve::{Estimate, Fold, FoldPrediction, LARGE_ERROR, Prediction};
 
-/// Predictions of left-out views of a scene, summarised.
+/// Predictions of left-out views of a scene, summarized.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CrossValidation {
     /// How much was cross-validated.
@@ -13,7 +13,7 @@ pub struct CrossValidation {
     pub objects: Vec<ObjectCrossValidation>,
 }
 
-/// Predictions of left-out views of an object, summarised.
+/// Predictions of left-out views of an object, summarized.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ObjectCrossValidation {
     /// Index of its estimate in [`crate::Localization::estimates`].
@@ -86,7 +86,7 @@ impl CrossValidation {
 }
 
 /// Sorts the predictions by object; `folds` are in the order of the objects.
-pub(crate) fn summarise(
+pub(crate) fn summarize(
     estimates: &[Estimate],
     folds: &[Fold],
     predicted: Vec<FoldPrediction>,

@@ -33,7 +33,7 @@ const FEW_WRONG: f64 = 0.05;
 /// How consistent a scene is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Agreement {
-    /// Typical distance between the middle of a box and the object's projected centre, in half sizes of the box: the
+    /// Typical distance between the middle of a box and the object's projected center, in half sizes of the box: the
     /// scale of a distribution with heavy tails (Student's t, two degrees of freedom), between 0.003 and 3.
     pub miss: f64,
     /// Share of the boxes that miss by less than half of their half size, in [0, 1].

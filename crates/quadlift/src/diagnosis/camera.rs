@@ -18,7 +18,7 @@ pub struct CameraParts {
 }
 
 impl CameraParts {
-    /// Takes a projection apart; a skew is dropped. `None` if the camera has no finite centre.
+    /// Takes a projection apart; a skew is dropped. `None` if the camera has no finite center.
     pub fn from_projection(projection: &Projection) -> Option<Self> {
         let pose = projection.camera_pose()?;
         let rotation = pose.matrix().fixed_columns::<3>(0).into_owned();
@@ -39,12 +39,12 @@ impl CameraParts {
         Projection::from_matrix(self.intrinsics.matrix() * pose).ok()
     }
 
-    /// The camera centre in the world, for a rotation.
+    /// The camera center in the world, for a rotation.
     pub fn center(&self) -> Vector3<f64> {
         -(self.rotation.transpose() * self.translation)
     }
 
-    /// The same camera with another centre.
+    /// The same camera with another center.
     pub fn with_center(&self, center: &Vector3<f64>) -> Self {
         Self { translation: -(self.rotation * center), ..*self }
     }

@@ -24,7 +24,7 @@ pub enum CauseName {
     LeftHandedAxes,
     /// Poses map from the camera to the world, both left-handed (Unity).
     LeftHandedCameraToWorld,
-    /// The translation is the camera centre.
+    /// The translation is the camera center.
     CenterAsTranslation,
     /// The rotation is transposed, the translation is right.
     TransposedRotation,

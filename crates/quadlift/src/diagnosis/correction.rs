@@ -16,15 +16,15 @@ use crate::geometry::{BoundingBox, Ellipse, Intrinsics};
 pub enum BoxFormat {
     /// Two corners were read as corner and size: `[x0, y0, x1, y1]` as `[x, y, w, h]`.
     CornersReadAsSize,
-    /// Centre and size were read as corner and size: `[cx, cy, w, h]` as `[x, y, w, h]`.
+    /// Center and size were read as corner and size: `[cx, cy, w, h]` as `[x, y, w, h]`.
     CenterReadAsCorner,
-    /// Corner and size were read as centre and size: `[x, y, w, h]` as `[cx, cy, w, h]`.
+    /// Corner and size were read as center and size: `[x, y, w, h]` as `[cx, cy, w, h]`.
     CornerReadAsCenter,
     /// Corner and size were read as two corners: `[x, y, w, h]` as `[x0, y0, x1, y1]`.
     SizeReadAsCorners,
-    /// Centre and size were read as two corners: `[cx, cy, w, h]` as `[x0, y0, x1, y1]`.
+    /// Center and size were read as two corners: `[cx, cy, w, h]` as `[x0, y0, x1, y1]`.
     CenterSizeReadAsCorners,
-    /// Two corners were read as centre and size: `[x0, y0, x1, y1]` as `[cx, cy, w, h]`.
+    /// Two corners were read as center and size: `[x0, y0, x1, y1]` as `[cx, cy, w, h]`.
     CornersReadAsCenter,
     /// x and y are exchanged: `[y0, x0, y1, x1]` was read as `[x0, y0, x1, y1]`.
     SwappedAxes,
@@ -47,7 +47,7 @@ pub enum Correction {
     LeftHandedAxes,
     /// The poses map from the camera to the world, both left-handed.
     InvertLeftHandedPoses,
-    /// The translation of `cam_from_world` holds the camera centre.
+    /// The translation of `cam_from_world` holds the camera center.
     CenterAsTranslation,
     /// The rotation of `cam_from_world` is transposed, its translation is right.
     TransposedRotation,
@@ -55,7 +55,7 @@ pub enum Correction {
     QuaternionOrder {
         /// Whether they were `w, x, y, z`, read as `x, y, z, w`.
         was_wxyz: bool,
-        /// Whether they rotate from camera to world, so that the camera centres are correct; otherwise the translations
+        /// Whether they rotate from camera to world, so that the camera centers are correct; otherwise the translations
         /// of `cam_from_world` are correct.
         world_from_cam: bool,
     },

@@ -55,7 +55,7 @@ pub(crate) fn wrong_lengths(
 
 impl Diagnosis {
     /// Compares the lengths of a scene with size priors of its categories, full extents in world units: a scene in
-    /// millimetres contradicts priors in metres. Does nothing if they agree, if too few objects have a prior, or if the
+    /// millimeters contradicts priors in meters. Does nothing if they agree, if too few objects have a prior, or if the
     /// scene is inconsistent anyway.
     pub fn check_lengths(&mut self, scene: &Scene, is_used: impl Fn(&Detection) -> bool, priors: &CategoryPriors) {
         let Some(agreement) = self.agreement.filter(|_| self.consistent && !priors.by_category.is_empty()) else {
@@ -75,7 +75,7 @@ mod tests {
     use crate::synthetic::{SyntheticOptions, Trajectory, generate};
 
     #[test]
-    fn millimetres_do_not_agree_with_priors_in_metres() {
+    fn millimeters_do_not_agree_with_priors_in_meters() {
         let options = SyntheticOptions { objects: 8, views: 8, trajectory: Trajectory::Orbit, ..Default::default() };
         let synthetic = generate(&options).unwrap();
         let mut scene = synthetic.scene;

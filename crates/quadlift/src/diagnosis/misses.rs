@@ -1,4 +1,4 @@
-//! Distances between the rays through the centres of an object's boxes, before and after a correction.
+//! Distances between the rays through the centers of an object's boxes, before and after a correction.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -8,7 +8,7 @@ use super::rays::{LARGEST_MISS, Ray, median, meeting_point, misses_of};
 use super::sample::{Sample, Seen};
 use crate::geometry::BoundingBox;
 
-/// Misses below this are as good as none: pixels are rounded, and a box's centre is not quite the object's.
+/// Misses below this are as good as none: pixels are rounded, and a box's center is not quite the object's.
 const SMALLEST_MISS: f64 = 0.003;
 
 /// A box that misses by less than this many half sizes agrees with the others of its object.
@@ -88,7 +88,7 @@ fn scale_of(misses: &[f64]) -> f64 {
     sorted.sort_by(f64::total_cmp);
     let mut scale = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0).max(SMALLEST_MISS);
     for _ in 0..20 {
-        // Expectation and maximisation: weights 4 / (2 + m^2 / s^2) of two residuals each.
+        // Expectation and maximization: weights 4 / (2 + m^2 / s^2) of two residuals each.
         let sum: f64 = misses.iter().map(|m| m * m * 4.0 / (2.0 + (m / scale).powi(2))).sum();
         scale = (sum / (2.0 * misses.len().max(1) as f64)).sqrt().max(SMALLEST_MISS);
     }

@@ -2,7 +2,7 @@
 //! 16).
 //!
 //! 1. `sample`: some objects with their boxes, without boxes cut by the image border.
-//! 2. `rays`, `misses`, `agreement`: how far the rays through the centres of an object's boxes miss each other, in half sizes
+//! 2. `rays`, `misses`, `agreement`: how far the rays through the centers of an object's boxes miss each other, in half sizes
 //!    of the boxes.
 //! 3. `correction`, `hypotheses`, `search`: undo common mistakes one by one; the correction after which the scene
 //!    agrees much better is its cause.

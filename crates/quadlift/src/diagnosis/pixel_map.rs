@@ -115,7 +115,7 @@ mod tests {
             let map = PixelMap::from_shown(orientation, Vector2::new(4.0, 3.0), false);
             assert_eq!(map.point(place.into()), Vector2::new(0.5, 0.5), "{orientation}");
         }
-        // Its right neighbour.
+        // Its right neighbor.
         let shown = [
             (2, [2.5, 0.5]),
             (3, [2.5, 2.5]),

@@ -1,4 +1,4 @@
-//! Rays through the centres of boxes and the point nearest to those of an object (docs/method.md, section 16.1).
+//! Rays through the centers of boxes and the point nearest to those of an object (docs/method.md, section 16.1).
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
@@ -26,7 +26,7 @@ const MOST_PAIRS: usize = 20;
 /// Misses beyond this, in half sizes, are equally bad: the box shows something else.
 pub(crate) const LARGEST_MISS: f64 = 3.0;
 
-/// A ray through the centre of a box.
+/// A ray through the center of a box.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Ray {
     rotation: Matrix3<f64>,
@@ -38,8 +38,8 @@ pub(crate) struct Ray {
 }
 
 impl Ray {
-    /// The ray through the centre of a box: the intersection of the planes halfway between those of opposite edges. For
-    /// a sphere it passes exactly through the centre.
+    /// The ray through the center of a box: the intersection of the planes halfway between those of opposite edges. For
+    /// a sphere it passes exactly through the center.
     pub(crate) fn new(camera: &CameraParts, b: &BoundingBox, half_size: f64) -> Self {
         let k = &camera.intrinsics;
         let middle = |low: f64, high: f64| (0.5 * (low.atan() + high.atan())).tan();
@@ -59,7 +59,7 @@ impl Ray {
         self.half_size
     }
 
-    /// The camera centre in the world.
+    /// The camera center in the world.
     pub(crate) fn center(&self) -> Vector3<f64> {
         -(self.rotation.transpose() * self.translation)
     }
@@ -75,7 +75,7 @@ impl Ray {
         self.rotation.row(2).transpose().dot(point) + self.translation.z
     }
 
-    /// Distance of the projected point from the centre of the box, in half sizes.
+    /// Distance of the projected point from the center of the box, in half sizes.
     pub(crate) fn miss(&self, point: &Vector3<f64>) -> f64 {
         let p = self.rotation * point + self.translation;
         if p.z.is_nan() || p.z <= 0.0 {

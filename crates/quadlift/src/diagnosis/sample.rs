@@ -9,13 +9,13 @@ use crate::scene::{Detection, Scene};
 /// Maximum number of boxes: enough for the check, and few enough to be fast.
 const MOST_BOXES: usize = 300;
 
-/// Distance from the image border, in pixels, within which a box counts as cut off: its centre is not the object's.
+/// Distance from the image border, in pixels, within which a box counts as cut off: its center is not the object's.
 const BORDER_PX: f64 = 2.0;
 
 /// A frame of the sample.
 #[derive(Debug, Clone)]
 pub(crate) struct SampleFrame {
-    /// `None` if the projection has no finite centre.
+    /// `None` if the projection has no finite center.
     pub camera: Option<CameraParts>,
     pub image_size: Option<Vector2<f64>>,
 }

@@ -24,7 +24,7 @@ const MAX_WRONG_OF_RIGHT: f64 = 0.25;
 /// Two kinds of frames are clearly better than one: one hundred to one.
 const CLEARLY_BETTER: f64 = 4.6;
 
-/// Rounds of expectation and maximisation.
+/// Rounds of expectation and maximization.
 const ROUNDS: usize = 30;
 
 /// Boxes of wrong frames that a correction must explain.

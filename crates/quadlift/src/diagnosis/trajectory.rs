@@ -102,8 +102,8 @@ pub(crate) fn scale_jump(sample: &Sample, given: &Misses) -> Option<ScaleJump> {
     for _ in 0..HALVINGS {
         reach *= 0.5;
         let by = reach.round().max(1.0) as usize;
-        let neighbours = [place.saturating_sub(by).max(1), place + by];
-        if let Some((better, at)) = best_of(&neighbours).filter(|(found, _)| found.gain.gain > best.gain.gain) {
+        let neighbors = [place.saturating_sub(by).max(1), place + by];
+        if let Some((better, at)) = best_of(&neighbors).filter(|(found, _)| found.gain.gain > best.gain.gain) {
             (best, place) = (better, at);
         }
     }

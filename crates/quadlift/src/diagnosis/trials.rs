@@ -82,7 +82,7 @@ impl<'a> Tried<'a> {
         boxes_fit(&corrected).then(|| self.associated(corrected, correction).ok()).flatten()
     }
 
-    /// The best correction of a family: from the best one of its grid, by halving the distance to its neighbours.
+    /// The best correction of a family: from the best one of its grid, by halving the distance to its neighbors.
     pub(crate) fn narrowed(&self, family: &Family) -> Option<Trial> {
         let grid = family.grid;
         let trials = map_indices(grid.len(), |k| self.with((family.make)(grid[k])));

@@ -65,7 +65,7 @@ impl BoundingBox {
         [self.x0, self.y0, self.x1, self.y1]
     }
 
-    /// The centre.
+    /// The center.
     pub fn center(&self) -> Vector2<f64> {
         Vector2::new(0.5 * (self.x0 + self.x1), 0.5 * (self.y0 + self.y1))
     }

@@ -1,7 +1,7 @@
 //! Cameras: intrinsics, `cam_from_world` poses and 3x4 projections.
 //!
 //! OpenCV axes (x right, y down, z forward); the pixel origin is the top-left corner of the image, so that the
-//! first pixel's centre is (0.5, 0.5).
+//! first pixel's center is (0.5, 0.5).
 
 use nalgebra::{Matrix3, Matrix3x4, Point3, Rotation3, Vector2, Vector3, Vector4};
 
@@ -49,7 +49,7 @@ pub enum CameraError {
         /// Largest entry of `|R R^T - I|`, infinite for a reflection.
         defect: f64,
     },
-    /// The left 3x3 block of a projection is singular: the camera has no finite centre.
+    /// The left 3x3 block of a projection is singular: the camera has no finite center.
     #[error("the left 3x3 block of the projection is singular (its determinant is {determinant:.3e})")]
     SingularProjection {
         /// Determinant of the block.
@@ -164,13 +164,13 @@ impl Projection {
         self.matrix.fixed_columns::<3>(0).into_owned()
     }
 
-    /// The camera centre in the world; `None` only when the block `M` cannot be inverted in floating point.
+    /// The camera center in the world; `None` only when the block `M` cannot be inverted in floating point.
     pub fn center_in_world(&self) -> Option<Point3<f64>> {
         let center = self.m().lu().solve(&-self.matrix.column(3).into_owned())?;
         center.iter().all(|x| x.is_finite()).then(|| Point3::from(center))
     }
 
-    /// The same camera turned about its centre and then shifted, both in the world; `None` where it has no centre (see
+    /// The same camera turned about its center and then shifted, both in the world; `None` where it has no center (see
     /// [`Projection::center_in_world`]).
     pub fn with_moved_camera(&self, turn: &Rotation3<f64>, shift: &Vector3<f64>) -> Option<Self> {
         let center = self.center_in_world()?;
@@ -182,7 +182,7 @@ impl Projection {
     }
 
     /// The pose of the camera: axes that see pixels as `K [R | t]` does, with positive focal lengths in `K` and no skew
-    /// of its second row. `None` where the camera has no centre (see [`Projection::center_in_world`]).
+    /// of its second row. `None` where the camera has no center (see [`Projection::center_in_world`]).
     ///
     /// Of [`Projection::from_camera`] it is the pose, with a rotation that is exactly orthonormal.
     pub fn camera_pose(&self) -> Option<CamFromWorld> {

@@ -2,12 +2,12 @@
 
 use nalgebra::{Point3, Vector3};
 
-/// A convex body that is symmetric about its centre.
+/// A convex body that is symmetric about its center.
 pub trait ConvexBody {
-    /// The centre in the world.
+    /// The center in the world.
     fn center(&self) -> Point3<f64>;
 
-    /// The support function about the centre: `max n.(x - center)` over the body, for any vector `n` (it need not
+    /// The support function about the center: `max n.(x - center)` over the body, for any vector `n` (it need not
     /// be a unit vector). World units times the length of `n`.
     fn support(&self, n: &Vector3<f64>) -> f64;
 

@@ -8,7 +8,7 @@ use super::ellipsoid::Ellipsoid;
 /// An oriented cuboid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cuboid {
-    /// Centre in the world.
+    /// Center in the world.
     pub center: Point3<f64>,
     /// Half extents in world units, in the order of the columns of `rotation`.
     pub half_extents: Vector3<f64>,
@@ -26,12 +26,12 @@ impl Cuboid {
         })
     }
 
-    /// The inscribed ellipsoid: the same centre and axes, the half extents as semi-axes.
+    /// The inscribed ellipsoid: the same center and axes, the half extents as semi-axes.
     pub fn inscribed_ellipsoid(&self) -> Ellipsoid {
         Ellipsoid { center: self.center, semi_axes: self.half_extents, rotation: self.rotation }
     }
 
-    /// The same cuboid, `factor` times as large about its centre.
+    /// The same cuboid, `factor` times as large about its center.
     pub fn scaled(&self, factor: f64) -> Self {
         Self { half_extents: self.half_extents * factor, ..*self }
     }

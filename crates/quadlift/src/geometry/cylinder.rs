@@ -7,7 +7,7 @@ use super::convex_body::ConvexBody;
 /// A cylinder whose base is an ellipse.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cylinder {
-    /// Centre in the world.
+    /// Center in the world.
     pub center: Point3<f64>,
     /// Semi-axes of the base along the first two columns of `rotation`, world units.
     pub radii: Vector2<f64>,
@@ -28,7 +28,7 @@ impl Cylinder {
         Self { center, radii: half_extents.xy(), half_height: half_extents.z, rotation }
     }
 
-    /// The same cylinder, `factor` times as large about its centre.
+    /// The same cylinder, `factor` times as large about its center.
     pub fn scaled(&self, factor: f64) -> Self {
         Self { radii: self.radii * factor, half_height: self.half_height * factor, ..*self }
     }

@@ -39,7 +39,7 @@ impl Ellipse {
         Ok(Self { center, semi_axes, angle })
     }
 
-    /// Centre in pixels.
+    /// Center in pixels.
     pub fn center(&self) -> Vector2<f64> {
         self.center
     }
@@ -54,7 +54,7 @@ impl Ellipse {
         self.angle
     }
 
-    /// The ellipse with centre `c` and shape `S`, that is `(x - c)^T S^-1 (x - c) = 1`.
+    /// The ellipse with center `c` and shape `S`, that is `(x - c)^T S^-1 (x - c) = 1`.
     ///
     /// The first semi-axis is the longer one, its angle in (-pi/2, pi/2].
     ///

@@ -10,26 +10,26 @@ use super::vech::unvech4;
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EllipsoidError {
-    /// A number is NaN or infinite, or the quadric has no finite centre.
-    #[error("the quadric holds a number that is not finite, or it has no finite centre")]
+    /// A number is NaN or infinite, or the quadric has no finite center.
+    #[error("the quadric holds a number that is not finite, or it has no finite center")]
     NotFinite,
-    /// The quadric has a centre but is no ellipsoid (its shape matrix is not positive definite).
+    /// The quadric has a center but is no ellipsoid (its shape matrix is not positive definite).
     #[error(
         "the quadric is not an ellipsoid (its shape matrix has eigenvalues {:.3e}, {:.3e}, {:.3e}; all must be positive)",
         .shape_eigenvalues[0], .shape_eigenvalues[1], .shape_eigenvalues[2]
     )]
     NotAnEllipsoid {
-        /// The centre of the quadric, which exists nevertheless.
+        /// The center of the quadric, which exists nevertheless.
         center: Point3<f64>,
         /// Eigenvalues of the shape matrix, descending, squared world units.
         shape_eigenvalues: Vector3<f64>,
     },
 }
 
-/// An ellipsoid: centre, semi-axes and the rotation whose columns are the axes, in the world.
+/// An ellipsoid: center, semi-axes and the rotation whose columns are the axes, in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ellipsoid {
-    /// Centre in the world.
+    /// Center in the world.
     pub center: Point3<f64>,
     /// Semi-axes in world units, in the order of the columns of `rotation`.
     pub semi_axes: Vector3<f64>,
@@ -65,7 +65,7 @@ impl Ellipsoid {
         DualQuadric::from_center_and_shape(&self.center, &self.shape())
     }
 
-    /// The same ellipsoid, `factor` times as large about its centre.
+    /// The same ellipsoid, `factor` times as large about its center.
     pub fn scaled(&self, factor: f64) -> Self {
         Self { semi_axes: self.semi_axes * factor, ..*self }
     }
@@ -101,7 +101,7 @@ impl DualQuadric {
         Self { matrix: unvech4(v) }
     }
 
-    /// The dual quadric with centre `t` and shape `A`, scaled so that its last entry is -1.
+    /// The dual quadric with center `t` and shape `A`, scaled so that its last entry is -1.
     pub fn from_center_and_shape(center: &Point3<f64>, shape: &Matrix3<f64>) -> Self {
         let t = center.coords;
         let mut matrix = Matrix4::zeros();
@@ -117,8 +117,8 @@ impl DualQuadric {
         &self.matrix
     }
 
-    /// Centre and shape matrix `A`; the shape is not checked to be positive definite. `None` when there is no
-    /// finite centre (a paraboloid, or NaN).
+    /// Center and shape matrix `A`; the shape is not checked to be positive definite. `None` when there is no
+    /// finite center (a paraboloid, or NaN).
     pub fn center_and_shape(&self) -> Option<(Point3<f64>, Matrix3<f64>)> {
         let w = self.matrix[(3, 3)];
         let t = self.matrix.fixed_view::<3, 1>(0, 3) / w;
@@ -130,7 +130,7 @@ impl DualQuadric {
     /// The ellipsoid, if the quadric is one; nothing is repaired.
     ///
     /// # Errors
-    /// [`EllipsoidError::NotAnEllipsoid`] carries the centre, [`EllipsoidError::NotFinite`] when there is none.
+    /// [`EllipsoidError::NotAnEllipsoid`] carries the center, [`EllipsoidError::NotFinite`] when there is none.
     pub fn to_ellipsoid(&self) -> Result<Ellipsoid, EllipsoidError> {
         let (center, shape) = self.center_and_shape().ok_or(EllipsoidError::NotFinite)?;
         Ellipsoid::from_shape(center, &shape)
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hyperboloid_keeps_its_centre() {
+    fn a_hyperboloid_keeps_its_center() {
         let shape = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, -1.0));
         let q = DualQuadric::from_center_and_shape(&Point3::new(1.0, 2.0, 3.0), &shape);
         match q.to_ellipsoid() {

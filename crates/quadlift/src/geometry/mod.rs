@@ -1,7 +1,7 @@
 //! The vocabulary: cameras, boxes, ellipses and ellipsoids, cuboids, cylinders, superellipsoids, and how they project.
 //!
 //! Camera axes are OpenCV's (x right, y down, z forward); pixels are measured from the top-left corner of the image
-//! (the first pixel's centre is at 0.5, 0.5); angles are radians; the world unit is the user's.
+//! (the first pixel's center is at 0.5, 0.5); angles are radians; the world unit is the user's.
 
 mod bounding_box;
 mod camera;
@@ -60,7 +60,7 @@ pub enum Body {
 }
 
 impl Body {
-    /// The same body, `factor` times as large about its centre.
+    /// The same body, `factor` times as large about its center.
     pub fn scaled(&self, factor: f64) -> Self {
         match self {
             Self::Ellipsoid(body) => Self::Ellipsoid(body.scaled(factor)),

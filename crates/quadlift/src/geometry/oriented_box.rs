@@ -30,7 +30,7 @@ pub struct OrientedBox {
 }
 
 impl OrientedBox {
-    /// A checked box from its centre, its width and height, and the direction of the width (radians, from x towards y).
+    /// A checked box from its center, its width and height, and the direction of the width (radians, from x towards y).
     ///
     /// # Errors
     /// [`OrientedBoxError`] if a number is not finite, or a side is not positive.
@@ -44,14 +44,14 @@ impl OrientedBox {
         Ok(Self { center, size, angle })
     }
 
-    /// The rectangle that has the centre, the directions and the extents of a parallelogram by its corners in order; of a rectangle
+    /// The rectangle that has the center, the directions and the extents of a parallelogram by its corners in order; of a rectangle
     /// itself. The first side is the width. `None` if it is empty or a number is not finite.
     pub fn of_corners([a, b, c, d]: [Vector2<f64>; 4]) -> Option<Self> {
         let (along, across) = ((b - a + c - d) * 0.5, (c - b + d - a) * 0.5);
         Self::new((a + b + c + d) * 0.25, Vector2::new(along.norm(), across.norm()), along.y.atan2(along.x)).ok()
     }
 
-    /// The centre, pixels.
+    /// The center, pixels.
     pub fn center(&self) -> Vector2<f64> {
         self.center
     }

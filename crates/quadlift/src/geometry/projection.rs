@@ -41,7 +41,7 @@ pub fn project_ellipsoid(projection: &Projection, ellipsoid: &Ellipsoid) -> Resu
     Ellipse::from_dual_conic(&c).map_err(|_| ProjectionError::NotFinite)
 }
 
-/// The projected centre `h` (homogeneous) and the dual conic `M A M^T - h h^T`.
+/// The projected center `h` (homogeneous) and the dual conic `M A M^T - h h^T`.
 fn dual_conic(p: &Matrix3x4<f64>, center: &Point3<f64>, shape: &Matrix3<f64>) -> (Vector3<f64>, Matrix3<f64>) {
     let m = p.fixed_columns::<3>(0);
     let h = m * center.coords + p.column(3);
@@ -89,7 +89,7 @@ pub fn project_bounding_box(projection: &Projection, body: &impl ConvexBody) -> 
 }
 
 /// The box of an outline with this dual conic, in coordinates (X / Z, Y / Z) of the frame of the camera: left, top, right, bottom. The conic is
-/// that of a body whose centre has this depth; `None` where the body is not wholly in front of the camera.
+/// that of a body whose center has this depth; `None` where the body is not wholly in front of the camera.
 pub(crate) fn box_of_outline(dual_conic: &Matrix3<f64>, depth: f64) -> Option<[f64; 4]> {
     let last = dual_conic[(2, 2)];
     if last.is_nan() || last >= -1e-9 * depth * depth {

@@ -10,7 +10,7 @@ use super::{ConvexBody, Ellipsoid};
 /// The ellipsoid that reaches about as far as a body in all directions: about the same planes touch both, so that it is what
 /// an ellipsoid fitted to boxes of the body from all sides would be.
 ///
-/// The body is symmetric to the planes through its centre that are spanned by the columns of `rotation`, which are the axes
+/// The body is symmetric to the planes through its center that are spanned by the columns of `rotation`, which are the axes
 /// of the ellipsoid too. World units.
 ///
 /// The square of an ellipsoid's reach is the quadratic form `n^T A n`; here A is that whose form is closest to the square of

@@ -19,7 +19,7 @@ impl From<&CamFromWorld> for Pose {
 }
 
 impl Pose {
-    /// The nearest pose with an exact rotation and the same centre.
+    /// The nearest pose with an exact rotation and the same center.
     pub(crate) fn orthonormal(&self) -> Self {
         let rotation = *Rotation3::from_matrix_eps(&self.rotation, 1e-12, 50, Rotation3::identity()).matrix();
         Self { rotation, translation: -(rotation * self.center()) }
@@ -50,7 +50,7 @@ impl Pose {
         Self { rotation: self.rotation * other.rotation, translation: self.apply(&other.translation) }
     }
 
-    /// The origin of the target in the source: the centre of a camera.
+    /// The origin of the target in the source: the center of a camera.
     pub(crate) fn center(&self) -> Vector3<f64> {
         -self.rotation.tr_mul(&self.translation)
     }

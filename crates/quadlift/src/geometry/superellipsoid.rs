@@ -10,7 +10,7 @@ use super::gamma::ln_gamma;
 /// `q` = 1 is the cuboid, `q` = 2 the ellipsoid. The body itself is `sum |x_i / a_i|^p <= 1` with `p = q / (q - 1)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Superellipsoid {
-    /// Centre in the world.
+    /// Center in the world.
     pub center: Point3<f64>,
     /// Semi-axes in world units, in the order of the columns of `rotation`.
     pub semi_axes: Vector3<f64>,
@@ -36,7 +36,7 @@ pub fn q_norm(v: &Vector3<f64>, q: f64) -> f64 {
 }
 
 impl Superellipsoid {
-    /// The same body, `factor` times as large about its centre.
+    /// The same body, `factor` times as large about its center.
     pub fn scaled(&self, factor: f64) -> Self {
         Self { semi_axes: self.semi_axes * factor, ..*self }
     }

@@ -243,7 +243,7 @@ impl SupportLines {
             let of = |k: usize| self.reach[k * quarter];
             return BoundingBox::new([-of(2), -of(3), of(0), of(1)]).ok();
         }
-        // The corners between neighbouring lines bound the outline.
+        // The corners between neighboring lines bound the outline.
         let corner = |k: usize| {
             let (a, b) = (self.line(k), self.line((k + 1) % self.count));
             let cross = a.normal.perp(&b.normal);

@@ -11,7 +11,7 @@ pub use options::LocalizeOptions;
 
 use std::sync::Arc;
 
-use crate::cross_validation::{CrossValidation, choose_folds, summarise};
+use crate::cross_validation::{CrossValidation, choose_folds, summarize};
 use crate::diagnosis::{Diagnosis, diagnose_refined};
 use crate::observer::{Observer, Watch};
 use crate::parallel::map_indices;
@@ -25,7 +25,7 @@ use crate::solve::{
 use order::{FrameOrder, order_of_objects};
 use selection::Selection;
 
-/// Why a scene cannot be localised at all.
+/// Why a scene cannot be localized at all.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LocalizeError {
@@ -35,9 +35,9 @@ pub enum LocalizeError {
     /// An option is outside of its range, or does not fit the scene.
     #[error(transparent)]
     Option(#[from] OptionError),
-    /// The observer cancelled the work.
-    #[error("cancelled")]
-    Cancelled,
+    /// The observer canceled the work.
+    #[error("canceled")]
+    Canceled,
 }
 
 /// Predictions of left-out views from which their mean says something about the scene.
@@ -107,11 +107,11 @@ pub(crate) fn solve_objects(
         Some(map_options) => refined(in_order, options, map_options, &selection, &watch),
         None => closed_form(options, &selection, &watch),
     };
-    if watch.is_cancelled() {
-        return Err(LocalizeError::Cancelled);
+    if watch.is_canceled() {
+        return Err(LocalizeError::Canceled);
     }
     let estimates = &mut localization.estimates;
-    localization.cross_validation = summarise(estimates, &folds, predicted, &options.cross_validation);
+    localization.cross_validation = summarize(estimates, &folds, predicted, &options.cross_validation);
     // The views of objects with too few of them are listed all the same, as not used.
     for (k, estimate) in estimates.iter_mut().enumerate().filter(|(_, estimate)| estimate.views.is_empty()) {
         estimate.views = selection.frames_of(k).map(ViewReport::not_used).collect();
@@ -196,8 +196,8 @@ fn refined(
 fn closed_form(options: &LocalizeOptions, selection: &Selection, watch: &Watch) -> Solved {
     let solve = |views| solve_closed_form(&views, &options.method, options.enclosing_quantile);
     let estimates = map_indices(selection.objects.len(), |k| {
-        if watch.is_cancelled() {
-            return Estimate::cancelled();
+        if watch.is_canceled() {
+            return Estimate::canceled();
         }
         let estimate = solve(selection.views_of(k));
         watch.advance(1);

@@ -1,4 +1,4 @@
-//! Options of a localisation.
+//! Options of a localization.
 
 use super::measurement_kind::MeasurementKind;
 use crate::cross_validation::CrossValidationOptions;

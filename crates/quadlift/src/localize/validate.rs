@@ -1,4 +1,4 @@
-//! Checks of the options of a localisation.
+//! Checks of the options of a localization.
 
 use super::measurement_kind::MeasurementKind;
 use super::options::LocalizeOptions;
@@ -39,7 +39,7 @@ mod tests {
     use crate::synthetic::{SyntheticOptions, generate};
 
     #[test]
-    fn options_of_a_localisation_are_checked() {
+    fn options_of_a_localization_are_checked() {
         for wrong in [-0.1, 1.1, f64::NAN] {
             let options = LocalizeOptions { enclosing_quantile: wrong, ..Default::default() };
             assert!(options.validate().unwrap_err().to_string().contains("enclosing quantile"));

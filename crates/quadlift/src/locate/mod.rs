@@ -65,7 +65,7 @@ use crate::solve::{Estimate, Status};
 pub struct Landmark {
     /// Its body, world frame.
     pub ellipsoid: Ellipsoid,
-    /// Covariance of its centre, world units squared; without one it counts as exact.
+    /// Covariance of its center, world units squared; without one it counts as exact.
     pub center_covariance: Option<Matrix3<f64>>,
     /// Boxes of other categories are not this object. Without one any box may be.
     pub category: Option<String>,
@@ -109,7 +109,7 @@ pub struct Gravity {
 pub struct CameraHeight {
     /// Upwards in the world.
     pub up_in_world: Unit<Vector3<f64>>,
-    /// Coordinate of the camera's centre along it, from the origin of the world, world units.
+    /// Coordinate of the camera's center along it, from the origin of the world, world units.
     pub height: f64,
     /// Its standard deviation, world units.
     pub sd: f64,
@@ -218,7 +218,7 @@ pub struct LandmarkMap {
 }
 
 impl Landmark {
-    /// An object that was localised; `None` where it was not (its status is not [`Status::Ok`]). Of a body that is no ellipsoid, the
+    /// An object that was localized; `None` where it was not (its status is not [`Status::Ok`]). Of a body that is no ellipsoid, the
     /// ellipsoid of the same reach.
     pub fn from_estimate(estimate: &Estimate, category: Option<String>) -> Option<Self> {
         let covariance =

@@ -14,7 +14,7 @@ const SLACK: f64 = 1.25;
 
 /// Poses are the same when their rotations differ by less than this, radians ...
 const SAME_ANGLE: f64 = 0.05;
-/// ... and their centres by less than this share of the median distance of the objects.
+/// ... and their centers by less than this share of the median distance of the objects.
 const SAME_SHARE: f64 = 0.05;
 
 /// A box, in coordinates (X / Z, Y / Z) of the camera's frame: left, top, right, bottom.
@@ -44,7 +44,7 @@ impl MeasuredBox {
 pub(super) struct Candidate {
     pub query_box: usize,
     pub landmark: usize,
-    /// Through the centre of the box, with Z = 1.
+    /// Through the center of the box, with Z = 1.
     pub ray: Vector3<f64>,
     /// Smallest, probable, and largest depth.
     pub depths: [f64; 3],
@@ -72,11 +72,11 @@ pub(super) struct PreparedQuery<'a> {
 impl<'a> PreparedQuery<'a> {
     pub(super) fn new(map: &'a LandmarkMap, query: &Query, options: &LocateOptions) -> Self {
         let k = &query.intrinsics;
-        let normalised = |x: f64, axis: usize| if axis == 0 { (x - k.cx) / k.fx } else { (x - k.cy) / k.fy };
+        let normalized = |x: f64, axis: usize| if axis == 0 { (x - k.cx) / k.fx } else { (x - k.cy) / k.fy };
         let focal = [k.fx, k.fy];
         let image = query
             .image_size
-            .map(|size| [normalised(0.0, 0), normalised(0.0, 1), normalised(size.x, 0), normalised(size.y, 1)]);
+            .map(|size| [normalized(0.0, 0), normalized(0.0, 1), normalized(size.x, 0), normalized(size.y, 1)]);
         // Where the image has no size its boxes say about how large it is.
         let area = image.map_or_else(
             || {
@@ -98,7 +98,7 @@ impl<'a> PreparedQuery<'a> {
                 let sd = options.edge_sd.hypot(EDGE_PX / b.mean_half_size()) * b.mean_half_size();
                 let in_image = query_box.box_in_image.as_ref().unwrap_or(b);
                 let cut_off = edges_at_border(in_image, query.image_size, BORDER_TOLERANCE_PX);
-                let edges = std::array::from_fn(|e| normalised(pixels[e], e % 2));
+                let edges = std::array::from_fn(|e| normalized(pixels[e], e % 2));
                 let size = (b.x1 - b.x0) / k.fx * (b.y1 - b.y0) / k.fy;
                 // Perhaps all boxes of the category are false: the image may be of another place.
                 let alike = query.boxes.iter().filter(|other| other.category == query_box.category).count() as f64;

@@ -27,7 +27,7 @@ fn moved(pose: &Pose, by: &Vector6<f64>) -> Pose {
 pub(super) struct Predicted {
     pub edges: [f64; 4],
     pub center: Vector3<f64>,
-    /// `S - c c^T` of the shape and the centre: the dual conic of the outline.
+    /// `S - c c^T` of the shape and the center: the dual conic of the outline.
     conic: Matrix3<f64>,
 }
 
@@ -75,12 +75,12 @@ impl Predicted {
     pub(super) fn covers(&self, point: &Vector3<f64>) -> bool {
         let [x0, y0, x1, y1] = self.edges;
         let in_box = point.x > x0 && point.x < x1 && point.y > y0 && point.y < y1;
-        // The quadratic form of the outline has the sign that it has at the centre.
+        // The quadratic form of the outline has the sign that it has at the center.
         in_box
             && self.conic.try_inverse().is_some_and(|outline| point.dot(&(outline * point)) * self.conic[(2, 2)] > 0.0)
     }
 
-    /// Variance of an edge from that of the centre of the landmark (covariance in the world).
+    /// Variance of an edge from that of the center of the landmark (covariance in the world).
     fn center_variance(&self, pose: &Pose, covariance: &Matrix3<f64>, axis: usize) -> f64 {
         let z = self.center.z;
         let mut direction = Vector3::zeros();
@@ -130,7 +130,7 @@ pub(super) fn edge_residuals(
         if of.one_sided[edge] && outwards >= 0.0 {
             return None;
         }
-        // An error of the centre moves opposite edges together: twice its variance for each gives the centre its own.
+        // An error of the center moves opposite edges together: twice its variance for each gives the center its own.
         let sd = (measured.sd[edge] * measured.sd[edge] + of_map[edge % 2]).sqrt();
         Some(EdgeResidual { residual: off / sd, sd })
     })
@@ -170,7 +170,7 @@ fn equations(query: &PreparedQuery, pose: &Pose, matches: &[Match]) -> Option<Eq
     }
     if let Some(known) = &query.height {
         let up = pose.rotation * known.up_in_world.into_inner();
-        // The centre is -R^T t. A turn in the frame of the camera turns both `up` and `t`.
+        // The center is -R^T t. A turn in the frame of the camera turns both `up` and `t`.
         let residual = (-up.dot(&pose.translation) - known.height) / known.sd;
         let slope = -up / known.sd;
         all.cost += residual * residual;

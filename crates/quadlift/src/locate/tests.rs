@@ -89,7 +89,7 @@ fn image(rng: &mut ChaCha8Rng, room: &[Landmark], pose: &CamFromWorld, noise: f6
     Query { intrinsics, image_size: Some([WIDTH, HEIGHT].into()), boxes }
 }
 
-/// Errors of the position (metres) and the rotation (degrees).
+/// Errors of the position (meters) and the rotation (degrees).
 fn errors(found: &CamFromWorld, truth: &CamFromWorld) -> (f64, f64) {
     let [a, b] = [found, truth].map(Pose::from);
     ((a.center() - b.center()).norm(), a.angle_to(&b).to_degrees())

@@ -1,10 +1,10 @@
-//! Centre, orientation and size of ellipsoids against the truth.
+//! Center, orientation and size of ellipsoids against the truth.
 
 use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 
 use crate::geometry::Ellipsoid;
 
-/// Distance between two centres, in world units.
+/// Distance between two centers, in world units.
 pub fn center_error(estimate: &Point3<f64>, truth: &Point3<f64>) -> f64 {
     (estimate - truth).norm()
 }

@@ -5,7 +5,7 @@ use super::SquaredErrors;
 /// A part of an estimate with a region.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum RegionPart {
-    /// The centre: 3 degrees of freedom.
+    /// The center: 3 degrees of freedom.
     Center,
     /// The extents: 3 degrees of freedom.
     Extents,

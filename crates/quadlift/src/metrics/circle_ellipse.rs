@@ -7,7 +7,7 @@
 use std::f64::consts::{PI, TAU};
 
 /// Area common to the circle with the given radius about the origin and the axis-aligned ellipse with the given
-/// centre and semi-axes, in squared units of the input. Zero when a length is not positive.
+/// center and semi-axes, in squared units of the input. Zero when a length is not positive.
 pub fn circle_ellipse_area(radius: f64, center: [f64; 2], semi_axes: [f64; 2]) -> f64 {
     let ([c1, c2], [a, b]) = (center, semi_axes);
     let (disc, oval) = (PI * radius * radius, PI * a * b);

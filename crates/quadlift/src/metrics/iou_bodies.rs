@@ -32,7 +32,7 @@ fn share_inside(body: &Body, other: &Body) -> f64 {
     const G: f64 = 1.2207440846057596;
     let step = Vector3::new(1.0 / G, 1.0 / (G * G), 1.0 / (G * G * G));
     let (half_extents, rotation) = (body.half_extents(), body.rotation());
-    // Relative to the first centre: far from the world's origin coordinates lose digits.
+    // Relative to the first center: far from the world's origin coordinates lose digits.
     let (body, other) = (at(body, Point3::origin()), at(other, Point3::from(other.center() - body.center())));
     let (mut inside, mut common) = (0u32, 0u32);
     for k in 0..SAMPLES {
@@ -46,7 +46,7 @@ fn share_inside(body: &Body, other: &Body) -> f64 {
     if inside == 0 { 0.0 } else { f64::from(common) / f64::from(inside) }
 }
 
-/// The body moved to another centre.
+/// The body moved to another center.
 fn at(body: &Body, center: Point3<f64>) -> Body {
     match *body {
         Body::Ellipsoid(body) => Body::Ellipsoid(Ellipsoid { center, ..body }),

@@ -35,7 +35,7 @@ pub fn cuboid_intersection_volume(a: &Cuboid, b: &Cuboid) -> f64 {
     volume.max(0.0).min(a.volume()).min(b.volume())
 }
 
-/// A cuboid relative to the first one's centre.
+/// A cuboid relative to the first one's center.
 struct Placed {
     center: Vector3<f64>,
     axes: Matrix3<f64>,

@@ -52,7 +52,7 @@ struct Slices {
     /// Height and half extent of the ellipsoid along the slicing direction.
     height: f64,
     reach: f64,
-    /// Centre of the ellipse in the slice through the ellipsoid's centre, and how it moves with the height.
+    /// Center of the ellipse in the slice through the ellipsoid's center, and how it moves with the height.
     center: Vector2<f64>,
     shift: Vector2<f64>,
     /// Semi-axes of that slice.
@@ -63,7 +63,7 @@ impl Slices {
     /// `None` when the bodies do not meet, or their distance is not finite.
     fn new(ball: &Ellipsoid, body: &Ellipsoid) -> Option<Self> {
         let to_ball = Matrix3::from_diagonal(&ball.semi_axes.map(|s| 1.0 / s)) * ball.rotation.matrix().transpose();
-        // The centres are subtracted before anything else: far from the world's origin they are large.
+        // The centers are subtracted before anything else: far from the world's origin they are large.
         let offset = to_ball * (body.center - ball.center);
         if !offset.iter().all(|x| x.is_finite()) {
             return None;
@@ -130,7 +130,7 @@ impl Slices {
         breaks
     }
 
-    /// Radius of the circle, and centre and semi-axes of the ellipse, at height `z`.
+    /// Radius of the circle, and center and semi-axes of the ellipse, at height `z`.
     fn slice(&self, z: f64) -> (f64, [f64; 2], [f64; 2]) {
         let h = (z - self.height) / self.reach;
         let (circle, ellipse) = ((1.0 - z * z).max(0.0).sqrt(), (1.0 - h * h).max(0.0).sqrt());
@@ -150,7 +150,7 @@ impl Slices {
     }
 }
 
-/// Where the unit ball and the ellipsoid (centre `c`, semi-axes `s` along the coordinates) would first touch when
+/// Where the unit ball and the ellipsoid (center `c`, semi-axes `s` along the coordinates) would first touch when
 /// both are scaled by the same factor, and the square of that factor: below one they overlap.
 ///
 /// Perram and Wertheim: the maximum over lambda in [0, 1] of the concave function

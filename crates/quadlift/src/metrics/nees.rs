@@ -1,4 +1,4 @@
-//! Normalised estimation error squared: whether a covariance is consistent with the error.
+//! Normalized estimation error squared: whether a covariance is consistent with the error.
 
 use nalgebra::SVector;
 
@@ -6,7 +6,7 @@ use crate::geometry::linalg::solve_spd;
 use crate::geometry::{Ellipsoid, vech3};
 use crate::solve::Matrix9;
 
-/// The normalised estimation error squared `e^T Sigma^-1 e`, with `e` the error of the centre (3) and of `vech` of the
+/// The normalized estimation error squared `e^T Sigma^-1 e`, with `e` the error of the center (3) and of `vech` of the
 /// shape matrix A (6), the coordinates of [`crate::solve::CovarianceCoordinates::CenterVechShape`].
 ///
 /// If the covariance is correct it follows chi-square with 9 degrees of freedom (mean 9, median 8.34). `None` if the
@@ -34,7 +34,7 @@ mod tests {
             semi_axes: Vector3::new(3.0, 2.0, 1.0),
             rotation: Rotation3::identity(),
         };
-        // The centre is off by two standard deviations, A_11 by one.
+        // The center is off by two standard deviations, A_11 by one.
         let estimate = Ellipsoid {
             center: truth.center + Vector3::new(0.0, 0.2, 0.0),
             semi_axes: Vector3::new(10.0f64.sqrt(), 2.0, 1.0),

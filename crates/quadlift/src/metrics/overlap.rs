@@ -18,7 +18,7 @@ pub struct OverlapPair {
 /// Pairs found with true bodies one to one, with the maximum total volume IoU over pairs that reach `least_iou`; in the
 /// order of the found ones. Objects without a body are never paired.
 pub fn pair_by_overlap(found: &[Option<Ellipsoid>], truth: &[Option<Ellipsoid>], least_iou: f64) -> Vec<OverlapPair> {
-    // Along x, so that only neighbours are compared.
+    // Along x, so that only neighbors are compared.
     let mut bodies: Vec<(usize, &Ellipsoid)> =
         truth.iter().enumerate().filter_map(|(column, body)| Some((column, body.as_ref()?))).collect();
     bodies.sort_by(|a, b| a.1.center.x.total_cmp(&b.1.center.x));

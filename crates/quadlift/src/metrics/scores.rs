@@ -11,7 +11,7 @@ pub struct EstimatedObject {
     pub id: String,
     /// How the estimation ended (see [`crate::solve::Status::name`]); only passed on.
     pub status: String,
-    /// The centre in the world; a failed estimation can have one nevertheless.
+    /// The center in the world; a failed estimation can have one nevertheless.
     pub center: Option<Point3<f64>>,
     /// The tangent ellipsoid.
     pub ellipsoid: Option<Ellipsoid>,
@@ -61,7 +61,7 @@ pub struct ObjectScore {
     pub theta_err: Option<f64>,
     /// Angle between the axes of the ellipsoids, radians (see [`rotation_error_modulo_symmetry`](super::rotation_error_modulo_symmetry)).
     pub rotation_error: Option<f64>,
-    /// Distance of the centres, world units.
+    /// Distance of the centers, world units.
     pub center_error: Option<f64>,
     /// Mean of the moduli of the relative errors of the sorted semi-axes of the ellipsoids (0.1 is ten percent).
     pub size_error: Option<f64>,
@@ -104,7 +104,7 @@ pub struct MeanScore {
     pub theta_err: Option<Mean>,
     /// Angle between the axes, radians.
     pub rotation_error: Option<Mean>,
-    /// Distance of the centres, world units.
+    /// Distance of the centers, world units.
     pub center_error: Option<Mean>,
     /// Relative error of the semi-axes.
     pub size_error: Option<Mean>,

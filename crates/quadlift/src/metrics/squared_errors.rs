@@ -1,4 +1,4 @@
-//! Squared Mahalanobis distances of an estimate from the truth: of the centre, the extents, the whole body.
+//! Squared Mahalanobis distances of an estimate from the truth: of the center, the extents, the whole body.
 
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 
@@ -7,10 +7,10 @@ use crate::geometry::{Body, ConvexBody, Ellipsoid, rotation_vector, vech3};
 use crate::solve::{Covariance, CovarianceCoordinates, Matrix9};
 
 /// Squared Mahalanobis distances of the truth from an estimate (ours). If the covariance is calibrated they follow
-/// chi-square distributions: with 3 degrees of freedom for centre and extents, with 9 for the whole body.
+/// chi-square distributions: with 3 degrees of freedom for center and extents, with 9 for the whole body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SquaredErrors {
-    /// Of the centre, in the world.
+    /// Of the center, in the world.
     pub center: f64,
     /// Of the extents: the squared half extents along the world's axes (ellipsoids, `CenterVechShape`), or the
     /// logarithms of the semi-axes (`CenterRotationLogAxes`).
@@ -22,7 +22,7 @@ pub struct SquaredErrors {
 /// Indices of the diagonal of A among the nine parameters of `CenterVechShape`.
 const SQUARED_EXTENTS: [usize; 3] = [3, 6, 8];
 
-/// Squared Mahalanobis distances between an estimated and a true body, whose centre is that of the same kind of body:
+/// Squared Mahalanobis distances between an estimated and a true body, whose center is that of the same kind of body:
 /// compare a tangent body with a tangent one.
 ///
 /// Two bodies of one kind are compared in their half extents, others through their equivalent ellipsoids (see
@@ -68,7 +68,7 @@ fn inscribed(body: &Body) -> Ellipsoid {
     Ellipsoid { center: body.center(), semi_axes: body.half_extents(), rotation: body.rotation() }
 }
 
-/// The error in centre, rotation vector (in the estimate's axes) and log semi-axes, when the columns of `naming` are the
+/// The error in center, rotation vector (in the estimate's axes) and log semi-axes, when the columns of `naming` are the
 /// estimate's axes among those of the truth.
 fn oriented_error(estimate: &Ellipsoid, truth: &Ellipsoid, naming: &Matrix3<f64>) -> SVector<f64, 9> {
     let axes = Rotation3::from_matrix_unchecked(truth.rotation.matrix() * naming);

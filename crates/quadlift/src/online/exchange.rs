@@ -7,7 +7,7 @@ use super::views::KeptView;
 use crate::association::score::fit::Start;
 use crate::association::score::log_likelihood_ratio::LogLikelihoodRatios;
 
-/// Views are tried with another object whose centre is nearer than this many times the sum of the radii. Tuned on the
+/// Views are tried with another object whose center is nearer than this many times the sum of the radii. Tuned on the
 /// loop closures of `quadlift-bench online`, six scenes each, after a drift of 10 degrees: with 3, 6, 12 F1 is .972, .977, .985 along the street
 /// (.992 with exact poses from the beginning) and .992, .995, .997 around the objects. More costs more fits.
 pub(super) const REACH: f64 = 12.0;

@@ -118,8 +118,8 @@ pub enum ObserveError {
         /// Height.
         height: f64,
     },
-    /// The projection has no centre in the world.
-    #[error("the camera of frame {0:?} has no finite centre")]
+    /// The projection has no center in the world.
+    #[error("the camera of frame {0:?} has no finite center")]
     NoCenter(String),
     /// Too many detections.
     #[error("frame {id:?} has {count} detections; expected {} at most", super::MAX_DETECTIONS)]

@@ -10,7 +10,7 @@ use crate::scene::{self, Outlines, Shape, check_outline, extreme_corners};
 pub(super) struct KeptShape {
     /// The corners of the outline that its supporting lines touch; none of a turned box.
     corners: Vec<[f32; 2]>,
-    /// Centre, size and angle of a turned box.
+    /// Center, size and angle of a turned box.
     oriented_box: Option<[f32; 5]>,
     /// Which lines another outline of the frame hides, as bits.
     hidden: u8,

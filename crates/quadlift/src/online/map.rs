@@ -70,7 +70,7 @@ pub struct ObjectMap {
     pub(super) next_key: u32,
     /// Time and id of the last frame.
     pub(super) last: Option<(f64, String)>,
-    /// Origin of the internal coordinates: the centre of the first camera.
+    /// Origin of the internal coordinates: the center of the first camera.
     pub(super) origin: Vector3<f64>,
     pub(super) categories: Categories,
     /// Names of the sources of depths and 3D boxes.

@@ -20,7 +20,7 @@ use crate::solve::PoseNoise;
 /// Minimum shift for a second matching, pixels.
 const LEAST_SHIFT: f64 = 0.25;
 
-/// Sum of the squared normalised residuals of a box's edges beyond which its object is refitted: 5 % of
+/// Sum of the squared normalized residuals of a box's edges beyond which its object is refitted: 5 % of
 /// the boxes if errors are normal.
 const SURPRISE: f64 = 9.5;
 
@@ -176,7 +176,7 @@ impl ObjectMap {
         Some(id)
     }
 
-    /// Sum of the squared normalised residuals of a box's edges.
+    /// Sum of the squared normalized residuals of a box's edges.
     fn surprise(&self, tracked: &Tracked, current: &Current, index: u32) -> f64 {
         let observation = &current.observations.boxes[index as usize];
         let hidden = from_bits(current.views[index as usize].hidden);

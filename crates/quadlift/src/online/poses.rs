@@ -194,7 +194,7 @@ impl ObjectMap {
         }
     }
 
-    /// Slots of objects whose centres are nearer than `reach` times the sum of their radii, nearest first; at least one of a pair
+    /// Slots of objects whose centers are nearer than `reach` times the sum of their radii, nearest first; at least one of a pair
     /// is in `touched`.
     fn near_pairs(&self, touched: &BTreeSet<u32>, reach: f64) -> Vec<(u32, u32)> {
         let slots: Vec<u32> = self.slot_of_id.values().copied().collect();

@@ -2,7 +2,7 @@
 //!
 //! Two views from almost the same place measure the same combinations of the body's parameters. The errors of the box that goes are
 //! averaged into those of the box that stays, so that the estimators see the mean of many boxes in a camera that the map keeps.
-//! That is the information of the forgotten views with the Jacobians of their neighbour, which is relinearised whenever a
+//! That is the information of the forgotten views with the Jacobians of their neighbor, which is relinearized whenever a
 //! body is fitted. When poses change it moves with its camera, and the motion of the forgotten frames relative to that, between those
 //! of the kept frames before and after, is taken out of the mean ([`KeptView::follow`]).
 

@@ -49,7 +49,7 @@ fn map() -> ObjectMap {
     ObjectMap::new(OnlineOptions::default()).unwrap()
 }
 
-/// For each true object the objects of the map whose centres lie within its shortest semi-axis.
+/// For each true object the objects of the map whose centers lie within its shortest semi-axis.
 fn found(map: &ObjectMap, synthetic: &SyntheticScene) -> Vec<Vec<ObjectId>> {
     let is_at = |object: &MapObject, body: &crate::geometry::Ellipsoid| {
         (object.ellipsoid.center - body.center).norm() < body.semi_axes.min()
@@ -59,7 +59,7 @@ fn found(map: &ObjectMap, synthetic: &SyntheticScene) -> Vec<Vec<ObjectId>> {
 }
 
 #[test]
-fn every_object_is_found_once_and_localised() {
+fn every_object_is_found_once_and_localized() {
     let synthetic = around(12, 60, SyntheticIds::Absent);
     let mut map = map();
     let updates = observe(&mut map, &synthetic.scene, 0..60);

@@ -46,29 +46,29 @@ const LARGEST_DAMPING: f64 = 1e6;
 /// Largest change of a parameter in one step (object sizes, radians, logarithms).
 const LONGEST_STEP: f64 = 1.5;
 
-/// Minimises from `start`; returns the best state and the objective there, `None` when it cannot be evaluated at the
+/// Minimizes from `start`; returns the best state and the objective there, `None` when it cannot be evaluated at the
 /// start.
 ///
-/// `linearise` gives cost and derivatives at a state, `None` where the state is not allowed; `retract` moves a state by
+/// `linearize` gives cost and derivatives at a state, `None` where the state is not allowed; `retract` moves a state by
 /// a step in its local coordinates.
-pub(crate) fn minimise<State: Clone>(
+pub(crate) fn minimize<State: Clone>(
     start: State,
     stop: Stop,
-    linearise: impl Fn(&State) -> Option<NormalEquations>,
+    linearize: impl Fn(&State) -> Option<NormalEquations>,
     retract: impl Fn(&State, &SVector<f64, 9>) -> Option<State>,
 ) -> Option<(State, NormalEquations)> {
-    minimum(start, stop, linearise, retract).map(|found| (found.state, found.equations))
+    minimum(start, stop, linearize, retract).map(|found| (found.state, found.equations))
 }
 
-/// The same as [`minimise`], with the reason why the iteration stopped.
+/// The same as [`minimize`], with the reason why the iteration stopped.
 pub(crate) fn minimum<State: Clone>(
     start: State,
     stop: Stop,
-    linearise: impl Fn(&State) -> Option<NormalEquations>,
+    linearize: impl Fn(&State) -> Option<NormalEquations>,
     retract: impl Fn(&State, &SVector<f64, 9>) -> Option<State>,
 ) -> Option<Minimum<State>> {
     let mut state = start;
-    let mut here = linearise(&state).filter(|n| n.cost.is_finite())?;
+    let mut here = linearize(&state).filter(|n| n.cost.is_finite())?;
     let mut damping = 1e-3;
     let mut evaluations = 1;
     let end = loop {
@@ -97,7 +97,7 @@ pub(crate) fn minimum<State: Clone>(
             step *= LONGEST_STEP / length;
         }
         evaluations += 1;
-        let candidate = retract(&state, &step).and_then(|s| Some((linearise(&s)?, s)));
+        let candidate = retract(&state, &step).and_then(|s| Some((linearize(&s)?, s)));
         match candidate {
             Some((there, next)) if there.cost < here.cost => {
                 (state, here) = (next, there);
@@ -121,7 +121,7 @@ mod tests {
     #[test]
     fn a_curved_valley_is_followed_to_its_bottom() {
         // Rosenbrock's function in the first two parameters, a quadratic in the others.
-        let linearise = |x: &SVector<f64, 9>| {
+        let linearize = |x: &SVector<f64, 9>| {
             let mut n = NormalEquations::zero();
             let mut row = [0.0; 9];
             (row[0], row[1]) = (-20.0 * x[0], 10.0);
@@ -139,7 +139,7 @@ mod tests {
         let mut start = SVector::<f64, 9>::zeros();
         start[0] = -1.2;
         let stop = Stop { evaluations: 200, promised_decrease: 1e-20 };
-        let (x, end) = minimise(start, stop, linearise, |x, d| Some(x + d)).unwrap();
+        let (x, end) = minimize(start, stop, linearize, |x, d| Some(x + d)).unwrap();
         assert!(end.cost < 1e-15, "{x} {}", end.cost);
         assert!((x[0] - 1.0).abs() < 1e-6 && (x[8] - 8.0).abs() < 1e-6);
     }
@@ -175,6 +175,6 @@ mod tests {
     #[test]
     fn a_start_that_is_not_allowed_is_refused() {
         let stop = Stop { evaluations: 5, promised_decrease: 0.0 };
-        assert!(minimise(0.0, stop, |_| None, |x, _| Some(*x)).is_none());
+        assert!(minimize(0.0, stop, |_| None, |x, _| Some(*x)).is_none());
     }
 }

@@ -54,9 +54,9 @@ fn connected_parts(pairs: &[Pair], useful: Vec<usize>) -> Vec<Vec<usize>> {
         let (a, b) = (root(&mut parent, row_node(k)), root(&mut parent, column_node(k)));
         parent[a.max(b)] = a.min(b);
     }
-    let mut labelled: Vec<(usize, usize)> = useful.iter().map(|&k| (root(&mut parent, row_node(k)), k)).collect();
-    labelled.sort_unstable();
-    labelled.chunk_by(|a, b| a.0 == b.0).map(|part| part.iter().map(|&(_, k)| k).collect()).collect()
+    let mut labeled: Vec<(usize, usize)> = useful.iter().map(|&k| (root(&mut parent, row_node(k)), k)).collect();
+    labeled.sort_unstable();
+    labeled.chunk_by(|a, b| a.0 == b.0).map(|part| part.iter().map(|&(_, k)| k).collect()).collect()
 }
 
 /// Pairs up one connected part.

@@ -1,4 +1,4 @@
-//! Optimisation: Levenberg-Marquardt on nine parameters, normal equations, chi-square sums of different sizes,
+//! Optimization: Levenberg-Marquardt on nine parameters, normal equations, chi-square sums of different sizes,
 //! Student's t distribution, the assignment problem.
 
 pub(crate) mod bits;

@@ -69,8 +69,8 @@ pub enum RunError<E: std::error::Error> {
 
 fn nothing_to_localize(detections: usize, without_object: usize) -> String {
     match detections {
-        0 => "there is nothing to localise: the scene has no detections".to_owned(),
-        _ => format!("there is nothing to localise: {without_object} detections have no object id"),
+        0 => "there is nothing to localize: the scene has no detections".to_owned(),
+        _ => format!("there is nothing to localize: {without_object} detections have no object id"),
     }
 }
 
@@ -161,7 +161,7 @@ pub fn localize(scene: &Scene, options: &LocalizeOptions) -> Result<Localization
 /// [`localize()`] with an observer, whose steps are objects.
 ///
 /// # Errors
-/// As [`localize()`]; [`LocalizeError::Cancelled`] if the observer cancels.
+/// As [`localize()`]; [`LocalizeError::Canceled`] if the observer cancels.
 pub fn localize_observed(
     scene: &Scene,
     options: &LocalizeOptions,

@@ -73,7 +73,7 @@ impl SceneBuilder {
         self.seen.reserve(detections);
     }
 
-    /// Names the world unit ("m" for metres).
+    /// Names the world unit ("m" for meters).
     pub fn length_unit(&mut self, unit: &str) {
         self.scene.length_unit = Some(unit.to_owned());
     }

@@ -26,7 +26,7 @@ pub struct DepthCue {
 /// A 3D box of an object from one image, any part of it, in the frame of the camera: x to the right, y down, z forwards.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Box3dCue {
-    /// Centre in the frame of the camera, world units; in front of the camera.
+    /// Center in the frame of the camera, world units; in front of the camera.
     pub center: Option<Point3<f64>>,
     /// Half the length, width and height (or half the extents along the axes of `rotation`), world units.
     pub half_extents: Option<Vector3<f64>>,
@@ -41,9 +41,9 @@ pub struct Box3dCue {
 /// Standard deviations of the errors of a 3D box; those that are not given have the usual level.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Box3dSd {
-    /// Of the centre along the ray, relative to its distance; usually 0.1.
+    /// Of the center along the ray, relative to its distance; usually 0.1.
     pub distance: Option<f64>,
-    /// Of the direction of the centre, each way, radians; usually 0.02.
+    /// Of the direction of the center, each way, radians; usually 0.02.
     pub direction: Option<f64>,
     /// Of the logarithm of an extent; usually 0.1.
     pub size: Option<f64>,
@@ -61,9 +61,9 @@ pub enum CueError {
     /// A standard deviation that is not positive, or not finite.
     #[error("the standard deviation is {0}; expected a positive number")]
     Sd(f64),
-    /// A centre at or behind the camera, or not finite.
+    /// A center at or behind the camera, or not finite.
     #[error(
-        "the centre {0:?} is not in front of the camera; expected a positive third coordinate (x to the right, y down, z \
+        "the center {0:?} is not in front of the camera; expected a positive third coordinate (x to the right, y down, z \
          forwards)"
     )]
     BehindCamera([f64; 3]),
@@ -71,7 +71,7 @@ pub enum CueError {
     #[error("the half extents are {0:?}; expected three positive numbers")]
     HalfExtents([f64; 3]),
     /// A 3D box without anything.
-    #[error("the 3D box has neither a centre nor half extents nor a rotation")]
+    #[error("the 3D box has neither a center nor half extents nor a rotation")]
     Nothing,
 }
 
@@ -86,7 +86,7 @@ impl Cues {
         self.depth.is_some() || self.have_center()
     }
 
-    /// Whether there is a 3D box with a centre, which says where the object is without a box in the image.
+    /// Whether there is a 3D box with a center, which says where the object is without a box in the image.
     pub(crate) fn have_center(&self) -> bool {
         self.box3d.is_some_and(|b| b.center.is_some())
     }

@@ -47,7 +47,7 @@ impl Scene {
 /// The side of an upright image that is below: the index of an edge (left, top, right, bottom).
 const BELOW: usize = 3;
 
-/// The direction in the image, a unit vector, in which a point at the centre of a box moves when it is moved down; zero
+/// The direction in the image, a unit vector, in which a point at the center of a box moves when it is moved down; zero
 /// where it does not move.
 fn down_in_image(projection: &Projection, up: &Unit<Vector3<f64>>, bounding_box: &BoundingBox) -> Vector2<f64> {
     let moved = projection.matrix().fixed_columns::<3>(0) * -up.into_inner();

@@ -129,7 +129,7 @@ pub struct Detection {
 }
 
 impl Detection {
-    /// Whether it says where the object is: by a box, an ellipse, or a 3D box with a centre.
+    /// Whether it says where the object is: by a box, an ellipse, or a 3D box with a center.
     pub fn is_measured(&self) -> bool {
         self.bounding_box.is_some() || self.ellipse.is_some() || self.cues.as_deref().is_some_and(Cues::have_center)
     }

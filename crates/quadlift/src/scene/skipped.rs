@@ -1,10 +1,10 @@
 //! Counts of skipped detections, by reason.
 
-/// Numbers of detections skipped in a localisation or an association, by reason.
+/// Numbers of detections skipped in a localization or an association, by reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub struct SkippedDetections {
-    /// They name no object (localisation; see [`crate::associate()`]).
+    /// They name no object (localization; see [`crate::associate()`]).
     pub without_object: usize,
     /// Their occlusion or truncation level is too high.
     pub occluded_or_truncated: usize,

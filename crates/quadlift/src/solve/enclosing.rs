@@ -4,7 +4,7 @@
 //! of the body that fits them best; the enclosing body is one that most of them do not leave. It is found in two ways:
 //! as the fitted body times a factor, and as a separate ellipsoid, which need not have the same proportions.
 //!
-//! The ellipsoid minimises the mean pinball loss of the logarithm of (distance of the plane) / (reach of the
+//! The ellipsoid minimizes the mean pinball loss of the logarithm of (distance of the plane) / (reach of the
 //! ellipsoid), which makes it the quantile of the planes in each direction (quantile regression: Koenker and Bassett,
 //! *Regression quantiles*, Econometrica 46, 1978). Few planes do not determine its proportions: they are pulled towards
 //! those of the fitted body (docs/method.md, section 13).
@@ -31,16 +31,16 @@ const ROUND: f64 = 0.2;
 /// The scale of the loss is at least this: planes of exact boxes have none.
 const LEAST_LOSS: f64 = 1e-4;
 
-/// A plane is at least this far from the centre, in units of the frame: one that cuts the body near its centre is false.
+/// A plane is at least this far from the center, in units of the frame: one that cuts the body near its center is false.
 const NEAREST_PLANE: f64 = 0.02;
 
 /// The iteration ends after as many steps...
 const MOST_STEPS: usize = 40;
 
-/// ...or when centre and axes move by less than this share of the size.
+/// ...or when center and axes move by less than this share of the size.
 const SMALL_STEP: f64 = 1e-4;
 
-/// A plane n.x <= d, in a frame about the body's centre; n is a unit vector, d > 0 where the centre lies inside.
+/// A plane n.x <= d, in a frame about the body's center; n is a unit vector, d > 0 where the center lies inside.
 #[derive(Debug, Clone, Copy)]
 struct Plane {
     n: Vector3<f64>,
@@ -106,7 +106,7 @@ fn quantile_of_ratios(planes: &[Plane], reach: impl Fn(&Vector3<f64>) -> f64, qu
     quantile_of(&mut ratios.filter(|ratio| ratio.is_finite()).collect::<Vec<f64>>(), quantile)
 }
 
-/// The quantile of a list, interpolated linearly between neighbours; `None` for an empty list.
+/// The quantile of a list, interpolated linearly between neighbors; `None` for an empty list.
 pub(super) fn quantile_of(values: &mut [f64], quantile: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let position = quantile.clamp(0.0, 1.0) * values.len().checked_sub(1)? as f64;
@@ -114,14 +114,14 @@ pub(super) fn quantile_of(values: &mut [f64], quantile: f64) -> Option<f64> {
     Some(values[low] + (values[high] - values[low]) * (position - position.floor()))
 }
 
-/// An ellipsoid about a centre: the image of the unit ball by `axes`.
+/// An ellipsoid about a center: the image of the unit ball by `axes`.
 #[derive(Debug, Clone, Copy)]
 struct Fit {
     center: Vector3<f64>,
     axes: Matrix3<f64>,
 }
 
-/// What is minimised.
+/// What is minimized.
 struct Loss<'a> {
     planes: &'a [Plane],
     /// Planes that the fitted body touches, in directions that are spread evenly over it.
@@ -184,7 +184,7 @@ impl Fit {
         (self.distance(plane).max(NEAREST_PLANE) / self.reach(&plane.n)).ln()
     }
 
-    /// Its derivatives by the centre and by S in `axes <- axes exp(S)` (11, 22, 33, 12, 13, 23).
+    /// Its derivatives by the center and by S in `axes <- axes exp(S)` (11, 22, 33, 12, 13, 23).
     fn gradient(&self, plane: &Plane) -> SVector<f64, 9> {
         let distance = self.distance(plane);
         let by_center = if distance > NEAREST_PLANE { -plane.n / distance } else { Vector3::zeros() };

@@ -13,9 +13,9 @@ pub enum Status {
     /// A body was found.
     Ok,
     /// A body was found, but its measurements contradict each other, more than half of its views contradict it, or the scene
-    /// is inconsistent. The body is reported for inspection and does not count as localised.
+    /// is inconsistent. The body is reported for inspection and does not count as localized.
     Inconsistent,
-    /// The best-fitting quadric is not an ellipsoid; only its centre is reported. Nothing is repaired.
+    /// The best-fitting quadric is not an ellipsoid; only its center is reported. Nothing is repaired.
     NotAnEllipsoid,
     /// Fewer views than the method needs.
     TooFewViews,
@@ -72,7 +72,7 @@ pub enum Warning {
     },
     /// The covariance could not be computed.
     NoCovariance,
-    /// The optimisation stopped before reaching the best fit ([`super::Method::Map`] only).
+    /// The optimization stopped before reaching the best fit ([`super::Method::Map`] only).
     NotConverged,
     /// The longest extent is implausible for its category ([`crate::LocalizeOptions::plausible_sizes`]).
     ImplausibleSize {
@@ -112,7 +112,7 @@ impl std::fmt::Display for Warning {
             ),
             Self::NoCovariance => write!(f, "the covariance could not be computed"),
             Self::NotConverged => {
-                write!(f, "not converged: the optimisation stopped before reaching the best fit")
+                write!(f, "not converged: the optimization stopped before reaching the best fit")
             }
             Self::ImplausibleSize { extent, expected } => {
                 write!(f, "implausible size: {extent:.2} long; objects of its category are about {expected:.2}")
@@ -190,10 +190,10 @@ pub struct Misfit {
 /// Coordinates of a covariance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CovarianceCoordinates {
-    /// Centre (3, world) and `vech` of the shape matrix A (6): for ellipsoids. There the normalised estimation error
+    /// Center (3, world) and `vech` of the shape matrix A (6): for ellipsoids. There the normalized estimation error
     /// is right even for narrow baselines.
     CenterVechShape,
-    /// Centre (3, world), rotation vector in the object's frame (3, radians), log semi-axes (3): for the other
+    /// Center (3, world), rotation vector in the object's frame (3, radians), log semi-axes (3): for the other
     /// bodies, whose axes A does not determine when two are equal.
     CenterRotationLogAxes,
 }
@@ -226,7 +226,7 @@ pub struct Estimate {
     pub category_index: Option<usize>,
     /// How the estimation ended.
     pub status: Status,
-    /// The centre in the world, whenever there is one.
+    /// The center in the world, whenever there is one.
     pub center: Option<Point3<f64>>,
     /// The body tangent to the measurements.
     pub body: Option<Body>,
@@ -267,8 +267,8 @@ impl Estimate {
         }
     }
 
-    /// A placeholder estimate in cancelled work, whose results are discarded.
-    pub(crate) fn cancelled() -> Self {
+    /// A placeholder estimate in canceled work, whose results are discarded.
+    pub(crate) fn canceled() -> Self {
         Self::failed(0, None, Status::Diverged)
     }
 
@@ -315,7 +315,7 @@ impl Estimate {
         (count > 0).then(|| (sum / count as f64).sqrt())
     }
 
-    /// Standard deviation of the centre: the root of the mean variance over the three coordinates, world units.
+    /// Standard deviation of the center: the root of the mean variance over the three coordinates, world units.
     pub fn center_sd(&self) -> Option<f64> {
         let c = self.covariance.as_ref()?.matrix;
         Some(((c[(0, 0)] + c[(1, 1)] + c[(2, 2)]) / 3.0).sqrt())

@@ -17,7 +17,7 @@ pub enum Method {
     Lfd,
     /// The paper's closed form (PfD), in pixel coordinates.
     Pfd,
-    /// The paper's regularised estimator (section 4.1).
+    /// The paper's regularized estimator (section 4.1).
     Reg(RegOptions),
 }
 
@@ -169,7 +169,7 @@ pub struct MapOptions {
     /// Whether each edge has a heavy-tailed loss, which down-weights single wrong edges.
     #[doc(hidden)]
     pub heavy_tails: bool,
-    /// Whether to estimate the correlation of an edge's errors between neighbouring views, which lowers their weight.
+    /// Whether to estimate the correlation of an edge's errors between neighboring views, which lowers their weight.
     #[doc(hidden)]
     pub correlated_views: bool,
     /// Whether to detect objects that stand upright, with one axis along the scene's `up` (docs/method.md, section 10). Has no
@@ -225,10 +225,10 @@ impl Default for MapOptions {
     }
 }
 
-/// Options of the paper's regularised estimator.
+/// Options of the paper's regularized estimator.
 #[derive(Debug, Clone)]
 pub struct RegOptions {
-    /// Weight of the sphere regulariser (PfD equation 14), in the units of pixel-coordinate conics.
+    /// Weight of the sphere regularizer (PfD equation 14), in the units of pixel-coordinate conics.
     pub lambda: f64,
 }
 

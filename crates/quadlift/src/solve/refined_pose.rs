@@ -9,9 +9,9 @@ use crate::geometry::{CamFromWorld, CameraError};
 pub struct RefinedPose {
     /// Index into [`crate::scene::SceneParts::frames`].
     pub frame_index: usize,
-    /// Rotation of the camera about its centre, world axes.
+    /// Rotation of the camera about its center, world axes.
     pub turn: Rotation3<f64>,
-    /// Shift of its centre, world units.
+    /// Shift of its center, world units.
     pub shift: Vector3<f64>,
     /// Covariance of the errors that are left: rotation vector (radians) and shift (world units), world axes. It is that of the prior and the
     /// measurements; what moves all cameras and objects together is in it.

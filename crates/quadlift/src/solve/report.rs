@@ -51,7 +51,7 @@ pub(super) fn describe(
     estimate
 }
 
-/// An estimate of a quadric that is not an ellipsoid: only its centre and the views.
+/// An estimate of a quadric that is not an ellipsoid: only its center and the views.
 pub(super) fn describe_center(mut estimate: Estimate, center: Point3<f64>, views: &[View]) -> Estimate {
     estimate.center = Some(center);
     estimate.views = views.iter().map(|view| ViewReport::without_body(view.frame_index)).collect();

@@ -54,7 +54,7 @@ pub(super) const COMMON_NAMES: [&str; 12] = [
     "box3d_rotation_common",
 ];
 
-/// Correlations of errors between neighbouring views: of edges, of ellipses, of depths and 3D boxes.
+/// Correlations of errors between neighboring views: of edges, of ellipses, of depths and 3D boxes.
 pub(super) const CORRELATION_NAMES: [&str; 3] = ["edge_correlation", "ellipse_correlation", "cue_correlation"];
 
 /// Mean squared residual of a scene in units of the noise, and the relative variance of that of its objects.
@@ -65,12 +65,12 @@ pub(crate) const POSE_NOISE_NAMES: [&str; 3] = ["pose_rotation", "pose_translati
 
 /// Noise levels by the names under which [`crate::Localization::noise`] reports them: standard deviations relative to
 /// the half size of a detection (`edge_px`: in pixels; `ellipse_angle`: radians times half the logarithm of the axis
-/// ratio), correlations between neighbouring views, the errors common to the views of an object (`edge_common` and
+/// ratio), correlations between neighboring views, the errors common to the views of an object (`edge_common` and
 /// others: in units of the noise), and differences between objects (`residual_level`, `residual_spread`). The last two
 /// kinds affect only covariances.
 ///
 /// With them the estimate of an object depends on its own views and the options only, not on the other objects of the
-/// scene, so objects can be localised independently: on several machines, or one by one as they are seen. Ground planes
+/// scene, so objects can be localized independently: on several machines, or one by one as they are seen. Ground planes
 /// and pose corrections are still shared by the objects of a scene.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Sigmas(BTreeMap<&'static str, f64>);

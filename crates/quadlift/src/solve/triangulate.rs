@@ -1,4 +1,4 @@
-//! Rough position and size of an object from the centres and sizes of its outlines: the frame in which the closed forms
+//! Rough position and size of an object from the centers and sizes of its outlines: the frame in which the closed forms
 //! are well conditioned, and the start of the iterations.
 
 use nalgebra::{Point3, Vector2, Vector3};
@@ -17,7 +17,7 @@ const ROUNDING: f64 = 1e-12;
 /// `None` if it is not determined: fewer than two views, all cameras at one point, parallel rays, or non-finite
 /// numbers. If rays diverge, the point may lie behind the cameras.
 pub fn triangulate(observations: &[(Projection, Vector2<f64>)]) -> Option<Point3<f64>> {
-    // Relative to a camera centre the numbers are of the size of the baselines, wherever the world's origin is.
+    // Relative to a camera center the numbers are of the size of the baselines, wherever the world's origin is.
     let origin = observations.first()?.0.center_in_world()?;
     let mut baseline = 0f64;
     for (projection, _) in observations {

@@ -67,7 +67,7 @@ pub(crate) fn refuse(why: impl Into<String>) -> Result<(), OptionError> {
     Err(OptionError(why.into()))
 }
 
-/// The options of the paper's regularised estimator.
+/// The options of the paper's regularized estimator.
 fn check_lambda(options: &RegOptions) -> Result<(), OptionError> {
     if is_not_negative(options.lambda) {
         return Ok(());

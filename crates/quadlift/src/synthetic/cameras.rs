@@ -41,7 +41,7 @@ impl Pose {
         CamFromWorld::new(matrix)
     }
 
-    /// The camera rotated about its centre by a small random rotation: normal angles about each axis, in radians.
+    /// The camera rotated about its center by a small random rotation: normal angles about each axis, in radians.
     pub(super) fn with_noise(&self, sd: f64, rng: &mut ChaCha8Rng) -> Self {
         let turn = Rotation3::new(Vector3::from_fn(|_, _| sd * random::normal(rng)));
         Self { rotation: turn * self.rotation, translation: turn * self.translation }
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_turns_cameras_about_their_centres() {
+    fn noise_turns_cameras_about_their_centers() {
         let options = SyntheticOptions { trajectory: Trajectory::Random, views: 1, ..Default::default() };
         let mut rng = random::stream(4, 0);
         let exact = poses(&options, &mut rng)[0];

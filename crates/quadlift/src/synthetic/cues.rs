@@ -70,7 +70,7 @@ impl Default for DepthNoise {
 }
 
 impl Default for Box3dNoise {
-    /// A monocular 3D detector for cars: centre 4 % of the distance along the ray and 1 % across, extents 8 % too large with 10 %
+    /// A monocular 3D detector for cars: center 4 % of the distance along the ray and 1 % across, extents 8 % too large with 10 %
     /// noise, yaw 8 degrees with 10 % flips, 5 % outliers.
     fn default() -> Self {
         Self {

@@ -13,7 +13,7 @@ use crate::geometry::{
 };
 use crate::solve::SizePrior;
 
-/// Size of the hall, metres.
+/// Size of the hall, meters.
 const LENGTH: f64 = 8.0;
 const WIDTH: f64 = 6.0;
 
@@ -21,7 +21,7 @@ const WIDTH: f64 = 6.0;
 const IMAGE: [u32; 2] = [1280, 720];
 const FOCAL: f64 = 800.0;
 
-/// Speed of walking, metres for each second.
+/// Speed of walking, meters for each second.
 const SPEED: f64 = 1.2;
 
 /// Streams of the seed.
@@ -97,7 +97,7 @@ pub struct HallBox {
     pub bounding_box: BoundingBox,
 }
 
-/// A hall: the truth and what its cameras see. The world is in metres, z upwards, with the floor at zero.
+/// A hall: the truth and what its cameras see. The world is in meters, z upwards, with the floor at zero.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hall {
     /// The intrinsics of every camera.

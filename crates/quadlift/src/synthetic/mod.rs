@@ -1,7 +1,7 @@
 //! Seeded synthetic scenes with known truth: the set-up of PfD's synthetic experiments and variations of it.
 //!
 //! In that set-up objects lie in a cube of side 20 about the origin, cameras stand around it at a distance and look at
-//! its centre, and every object is seen by every camera. Other trajectories, and a [`Detector`] with misses and false
+//! its center, and every object is seen by every camera. Other trajectories, and a [`Detector`] with misses and false
 //! positives, make realistic scenes. The world's z axis points up.
 
 mod cameras;

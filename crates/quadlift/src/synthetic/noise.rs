@@ -82,7 +82,7 @@ impl<'a> NoiseSource<'a> {
         BoundingBox::new([x0.min(x1 - SMALLEST_BOX), y0.min(y1 - SMALLEST_BOX), x1, y1])
     }
 
-    /// With the probability of an outlier, a wrong box: its centre up to 4 mean half sizes away in x and in y, its
+    /// With the probability of an outlier, a wrong box: its center up to 4 mean half sizes away in x and in y, its
     /// half sides 0.4 to 2.5 mean half sizes.
     pub(super) fn outlier(&mut self, exact: &BoundingBox) -> Result<Option<BoundingBox>, BoundingBoxError> {
         // All five numbers are always drawn, so that a greater share keeps the outliers of a smaller one.

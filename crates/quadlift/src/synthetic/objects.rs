@@ -9,7 +9,7 @@ use super::random;
 use crate::geometry::{Body, Cuboid, Cylinder, Ellipsoid, Superellipsoid};
 use crate::solve::BodyKind;
 
-/// Height of the objects' centres on a floor relative to those in a cube.
+/// Height of the objects' centers on a floor relative to those in a cube.
 const FLOOR_HEIGHT: f64 = 0.15;
 
 /// Distance of parked cars along a street, and half extents of a car.
@@ -53,7 +53,7 @@ impl Object {
         Self { center, semi_axes, rotation: Rotation3::from_euler_angles(0.0, 0.0, 0.1 * random::normal(rng)) }
     }
 
-    /// Draws an object as in PfD section 5.1: centre in a cube about the origin (of side 20 there), full length of the
+    /// Draws an object as in PfD section 5.1: center in a cube about the origin (of side 20 there), full length of the
     /// longest axis (the first one) from [3, 12], the others that times a factor from [0.3, 1], any orientation.
     fn draw_in_cube(cube_side: f64, rng: &mut ChaCha8Rng) -> Self {
         let half = 0.5 * cube_side;

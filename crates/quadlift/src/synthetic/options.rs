@@ -25,9 +25,9 @@ pub struct SyntheticOptions {
     pub views: usize,
     /// Camera positions.
     pub trajectory: Trajectory,
-    /// Side of the cube that contains the centres of the objects, in world units before `scale`.
+    /// Side of the cube that contains the centers of the objects, in world units before `scale`.
     pub cube_side: f64,
-    /// Distance of the cameras from the centre of the objects, in world units before `scale`.
+    /// Distance of the cameras from the center of the objects, in world units before `scale`.
     pub distance: f64,
     /// Factor on the whole world (positions, sizes, distance); the pixels stay the same.
     pub scale: f64,
@@ -119,7 +119,7 @@ impl Default for SyntheticOptions {
 
 /// Camera positions.
 ///
-/// On `Paper`, `Arc` and `Orbit` they look at the centre of the objects from a distance, and every object must be in
+/// On `Paper`, `Arc` and `Orbit` they look at the center of the objects from a distance, and every object must be in
 /// front of them; nothing is cut off at the image border. With `Random` and `Street`, objects that lie at least half
 /// inside the image are visible, and boxes are clipped at its border.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -199,7 +199,7 @@ pub enum Noise {
     Size(f64),
     /// SE2: a separate factor for each semi-axis; in [0, 1).
     SizePerAxis(f64),
-    /// TE: added to the centre in x and y, in units of the mean semi-axis of the exact ellipse.
+    /// TE: added to the center in x and y, in units of the mean semi-axis of the exact ellipse.
     Translation(f64),
     /// TE2: the same in units of the mean full axis.
     TranslationFullAxis(f64),

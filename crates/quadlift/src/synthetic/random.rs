@@ -18,7 +18,7 @@ pub fn normal(rng: &mut ChaCha8Rng) -> f64 {
     radius * rng.random_range(0.0..std::f64::consts::TAU).cos()
 }
 
-/// A uniformly distributed rotation: four normal numbers, normalised, are a uniform unit quaternion.
+/// A uniformly distributed rotation: four normal numbers, normalized, are a uniform unit quaternion.
 pub fn rotation(rng: &mut ChaCha8Rng) -> Rotation3<f64> {
     let [w, x, y, z] = std::array::from_fn(|_| normal(rng));
     UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix()

@@ -81,7 +81,7 @@ struct Seen<'a> {
     body: Body,
     /// Tangent polygon.
     corners: Vec<Vector2<f64>>,
-    /// Centre of the box.
+    /// Center of the box.
     center: Vector2<f64>,
     /// Mean half size of the box, pixels.
     unit: f64,

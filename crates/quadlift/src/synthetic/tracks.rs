@@ -20,7 +20,7 @@ pub(super) struct Tracked {
 }
 
 /// Tracks of detections, frame by frame: at each with the probability `fragments` a new track begins, then with the
-/// probability `switches` two neighbours exchange theirs. Returns the detection and the number of its track, for each.
+/// probability `switches` two neighbors exchange theirs. Returns the detection and the number of its track, for each.
 pub(super) fn tracks(
     mut detections: Vec<Tracked>,
     fragments: f64,

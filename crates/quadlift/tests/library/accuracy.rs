@@ -160,7 +160,7 @@ fn uncertainty_is_honest() {
     }
 }
 
-/// The squared error in (t, vech A), normalised by the covariance; the library's figure is checked against a
+/// The squared error in (t, vech A), normalized by the covariance; the library's figure is checked against a
 /// calculation of its own.
 fn error_squared(estimate: &Estimate, truth: &Body) -> f64 {
     let (a, b) = (estimate.ellipsoid().unwrap(), truth.ellipsoid());

@@ -8,7 +8,7 @@ use quadlift::solve::{ClosedFormError, RegOptions, RegSolution, lfd, pfd, reg};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// The ellipsoid seen by cameras at the given centres that look at the given targets.
+/// The ellipsoid seen by cameras at the given centers that look at the given targets.
 fn look(body: &Ellipsoid, cameras: &[(Vector3<f64>, Vector3<f64>)], noise: f64) -> Views {
     let mut rng = ChaCha8Rng::seed_from_u64(77);
     cameras.iter().map(|(center, target)| observe(camera(center, target), body, noise, &mut rng)).collect()
@@ -69,7 +69,7 @@ fn degenerate_views() -> Vec<(String, Views)> {
                 let name = |kind| format!("{kind}, {count} views, noise {noise}, shift {}", shift.x);
                 all.push((name("identical"), make(&|_| centers[1], &|_| shift)));
                 all.push((name("pure rotation"), make(&|_| centers[1], &aside)));
-                all.push((name("two centres"), make(&|k| centers[k % 2], &aside)));
+                all.push((name("two centers"), make(&|k| centers[k % 2], &aside)));
             }
         }
     }
@@ -172,13 +172,13 @@ proptest! {
         let (here, there) = (lfd(&views).unwrap(), lfd(&moved).unwrap());
         let size = here.shape.norm();
         let center = (there.center.coords - shift - here.center.coords * scale).norm() / (scale * size.sqrt());
-        prop_assert!(center < 1e-6, "centre {center:e}");
+        prop_assert!(center < 1e-6, "center {center:e}");
         let shape = (there.shape / (scale * scale) - here.shape).norm() / size;
         prop_assert!(shape < 1e-6, "shape {shape:e}");
     }
 }
 
-/// The regularised cost from its definition, with the best sphere's part left out: `|M w|^2` at `v_10 = -1`.
+/// The regularized cost from its definition, with the best sphere's part left out: `|M w|^2` at `v_10 = -1`.
 fn data_cost(views: &Views, v: &Vech, betas: &[f64]) -> f64 {
     let cost = |((projection, ellipse), beta): (&(Projection, Ellipse), &f64)| {
         (projected(projection, v) - vech3(&ellipse.dual_conic()) * *beta).norm_squared()
@@ -187,7 +187,7 @@ fn data_cost(views: &Views, v: &Vech, betas: &[f64]) -> f64 {
 }
 
 #[test]
-fn a_strong_regulariser_gives_a_sphere_and_a_weak_one_the_closed_form() {
+fn a_strong_regularizer_gives_a_sphere_and_a_weak_one_the_closed_form() {
     let (views, body) = scene(20, 0.0, 3);
     let solve = |lambda: f64| reg(&views, &RegOptions { lambda }).unwrap();
     let strong = solve(1e22).dual_quadric.to_ellipsoid().unwrap();
@@ -198,14 +198,14 @@ fn a_strong_regulariser_gives_a_sphere_and_a_weak_one_the_closed_form() {
 }
 
 #[test]
-fn the_regularised_solution_is_a_minimum_of_the_cost_as_the_paper_writes_it() {
+fn the_regularized_solution_is_a_minimum_of_the_cost_as_the_paper_writes_it() {
     for (count, seed) in [(2, 1), (3, 2), (20, 3)] {
         let (views, _) = scene(count, 0.1, seed);
         let lambda = 1e16;
         let RegSolution { dual_quadric, betas, cost, .. } = reg(&views, &RegOptions { lambda }).unwrap();
         let v = vech4(dual_quadric.matrix());
         assert_eq!(v[9], -1.0);
-        // The sphere's part of the cost, minimised by brute force: coordinate descent over (t, ln a, ln b).
+        // The sphere's part of the cost, minimized by brute force: coordinate descent over (t, ln a, ln b).
         let distance = |v: &Vech, s: &[f64; 5]| -> f64 {
             let translation = Matrix4::new_translation(&Vector3::new(s[0], s[1], s[2]));
             let (a, b) = (s[3].exp(), s[4].exp());
@@ -253,7 +253,7 @@ fn the_regularised_solution_is_a_minimum_of_the_cost_as_the_paper_writes_it() {
 }
 
 #[test]
-fn reg_needs_two_centres() {
+fn reg_needs_two_centers() {
     let body = random_ellipsoid(&mut ChaCha8Rng::seed_from_u64(5));
     let center = arc(2, 1.0)[1];
     let turned: Vec<_> = (0..4).map(|k| (center, Vector3::new(0.0, 3.0 * k as f64, 0.0))).collect();

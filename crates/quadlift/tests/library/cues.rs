@@ -33,7 +33,7 @@ fn options() -> LocalizeOptions {
     MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() }.into()
 }
 
-/// Mean O3D, 0 without an answer, and the median error of the centre in mean semi-axes.
+/// Mean O3D, 0 without an answer, and the median error of the center in mean semi-axes.
 fn scores(made: &SyntheticScene, found: &Localization, scene: &Scene) -> (f64, f64) {
     let (mut sum, mut errors) = (0.0, Vec::new());
     for estimate in found.estimates.iter().filter(|estimate| estimate.status == Status::Ok) {
@@ -86,7 +86,7 @@ fn three_d_boxes_help_and_never_harm() {
 fn the_scale_of_a_source_is_found_whatever_its_unit() {
     let made = made(4);
     let (boxes, _) = scores(&made, &localize(&made.scene, &options()).unwrap(), &made.scene);
-    // Depths in millimetres, where the world is in metres.
+    // Depths in millimeters, where the world is in meters.
     for scale in [0.8, 1.0, 1000.0] {
         let scene =
             with_cues(&made, Some(DepthNoise { noise: 0.02, scale, outliers: 0.1, ..Default::default() }), None);
@@ -273,7 +273,7 @@ fn each_frame_has_its_own_scale() {
     let mut off = Vec::new();
     for scale in &frames {
         let ScaledQuantity::DepthOfFrame { frame } = scale.quantity else { unreachable!() };
-        // Measured over true depth of the centres.
+        // Measured over true depth of the centers.
         let ratio = |d: &Detection| {
             let id = &scene.object_ids[d.object_index.unwrap() as usize];
             let truth = made.truth.iter().find(|(name, _)| name == id).unwrap().1.ellipsoid();
@@ -285,7 +285,7 @@ fn each_frame_has_its_own_scale() {
         off.push((scale.expected(25.0) / 25.0 / ratios[ratios.len() / 2]).ln());
         assert!(scale.log_sd < 0.06, "{scale:?}");
     }
-    // Surfaces are nearer than centres by a few percent, about the same in all frames.
+    // Surfaces are nearer than centers by a few percent, about the same in all frames.
     let mean = off.iter().sum::<f64>() / 4.0;
     assert!((0.0..0.1).contains(&mean) && off.iter().all(|x| (x - mean).abs() < 0.03), "{off:?}");
     // With one scale for all frames.

@@ -1,4 +1,4 @@
-//! A false box among few views: no wrong body counts as localised, and right ones stay.
+//! A false box among few views: no wrong body counts as localized, and right ones stay.
 
 use std::collections::BTreeMap;
 
@@ -26,7 +26,7 @@ fn localized(scene: &SyntheticScene) -> Localization {
     localize(&scene.scene, &LocalizeOptions::default()).unwrap()
 }
 
-/// Error of the centre: in semi-axes of the true body, and in the estimate's own standard deviations.
+/// Error of the center: in semi-axes of the true body, and in the estimate's own standard deviations.
 fn center_error(scene: &SyntheticScene, estimate: &Estimate) -> Option<(f64, f64)> {
     let truth = &scene.truth[estimate.object_index].1;
     let error = estimate.center? - truth.center();

@@ -60,7 +60,7 @@ fn run(scene: &Scene, correlated_views: bool) -> Vec<Estimate> {
     localize(scene, &LocalizeOptions::from(map)).unwrap().estimates
 }
 
-/// The largest distance of centres in standard deviations, and whether the same number of views was used of every object.
+/// The largest distance of centers in standard deviations, and whether the same number of views was used of every object.
 /// Where no body agrees with the views (their status says so) there may be several that agree about as badly.
 fn differences(a: &[Estimate], b: &[Estimate]) -> (f64, bool) {
     let pairs = || a.iter().zip(b).filter(|(a, b)| a.status == Status::Ok || b.status == Status::Ok);
@@ -85,7 +85,7 @@ proptest! {
         prop_assert!(same_views && far < 0.03, "{far} deviations");
     }
 
-    // Which errors of neighbouring frames are alike is read off the sides of the boxes.
+    // Which errors of neighboring frames are alike is read off the sides of the boxes.
     #[test]
     fn portrait_and_landscape_images_mixed_give_the_same_answers(
         seed in 0u64..1000,
@@ -109,7 +109,7 @@ proptest! {
         prop_assert_eq!(rolled(&scene, |k| quarters[k]).hidden_edges(|_| true), expected);
     }
 
-    // That errors of neighbouring frames are alike is read off their order, which has to be that of time.
+    // That errors of neighboring frames are alike is read off their order, which has to be that of time.
     #[test]
     fn the_order_of_the_frames_does_not_matter(seed in 0u64..1000, order in Just((0..12).collect::<Vec<_>>()).prop_shuffle()) {
         let scene = crowd(seed);

@@ -1,4 +1,4 @@
-//! Observers: progress is reported, and work that is cancelled ends early with an error that says so.
+//! Observers: progress is reported, and work that is canceled ends early with an error that says so.
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -39,7 +39,7 @@ fn all_objects_are_counted_and_watching_changes_nothing() {
 }
 
 #[test]
-fn work_can_be_cancelled_at_any_time() {
+fn work_can_be_canceled_at_any_time() {
     let scene = scene();
     let count = |options: &LocalizeOptions, last: usize| {
         let calls = AtomicUsize::new(0);
@@ -55,13 +55,13 @@ fn work_can_be_cancelled_at_any_time() {
         let (ended, all) = count(&options, usize::MAX);
         assert_eq!(ended, None);
         for last in [1, 2, all / 2, all] {
-            assert_eq!(count(&options, last).0, Some(LocalizeError::Cancelled), "{last} of {all}");
+            assert_eq!(count(&options, last).0, Some(LocalizeError::Canceled), "{last} of {all}");
         }
     }
     // The default method asks before the first object is done: while the noise of the scene is estimated.
     let before_any = |done: usize, _: usize| if done > 0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
-    let cancelled = localize_observed(&scene, &LocalizeOptions::default(), &before_any);
-    assert_eq!(cancelled.unwrap_err(), LocalizeError::Cancelled);
+    let canceled = localize_observed(&scene, &LocalizeOptions::default(), &before_any);
+    assert_eq!(canceled.unwrap_err(), LocalizeError::Canceled);
     // What is left after that is not done: each thread finishes its object at most.
     for method in [Method::default(), Method::Planes] {
         let largest = AtomicUsize::new(0);
@@ -69,8 +69,8 @@ fn work_can_be_cancelled_at_any_time() {
             largest.fetch_max(done, Ordering::Relaxed);
             if done == 0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
-        let cancelled = localize_observed(&scene, &LocalizeOptions::from(method), &after_one);
-        assert_eq!(cancelled.unwrap_err(), LocalizeError::Cancelled);
+        let canceled = localize_observed(&scene, &LocalizeOptions::from(method), &after_one);
+        assert_eq!(canceled.unwrap_err(), LocalizeError::Canceled);
         assert!(largest.into_inner() <= 1 + rayon::current_num_threads());
     }
 }

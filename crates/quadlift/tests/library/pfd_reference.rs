@@ -1,7 +1,7 @@
 //! The O(F) closed form against references: a dense singular value decomposition, and 100-digit arithmetic.
 
 // The reader of the fixture is test code, which clippy cannot tell outside of #[test] functions.
-use crate::common::{Vech, Views, dense_pfd, normalised, scene, vech4};
+use crate::common::{Vech, Views, dense_pfd, normalized, scene, vech4};
 use nalgebra::{Matrix3x4, Vector2, Vector3};
 use proptest::prelude::*;
 use quadlift::geometry::{Ellipse, Projection};
@@ -70,11 +70,11 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
     #[test]
-    fn normalised_coordinates_agree_with_the_dense_decomposition(
+    fn normalized_coordinates_agree_with_the_dense_decomposition(
         count in 3usize..=100, noise in prop_oneof![Just(0.0), 0.01..0.3f64], seed in 0u64..10_000,
     ) {
         let (views, body) = scene(count, noise, seed);
-        let views = normalised(&views, &(body.center.coords + Vector3::repeat(0.3)), body.semi_axes.product().cbrt());
+        let views = normalized(&views, &(body.center.coords + Vector3::repeat(0.3)), body.semi_axes.product().cbrt());
         let (w, sigma) = dense_pfd(&views);
         let solution = pfd(&views).unwrap();
         let expected = Vech::from_column_slice(&w[..10]);

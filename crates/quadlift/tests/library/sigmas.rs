@@ -1,4 +1,4 @@
-//! With noise levels that are given, objects can be localised apart from each other.
+//! With noise levels that are given, objects can be localized apart from each other.
 
 use proptest::prelude::*;
 use quadlift::scene::Scene;

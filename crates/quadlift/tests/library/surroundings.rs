@@ -12,7 +12,7 @@ fn ellipsoids() -> MapOptions {
     MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() }
 }
 
-/// Mean volume IoU and mean distance of the centres, of the objects that have a body.
+/// Mean volume IoU and mean distance of the centers, of the objects that have a body.
 fn score(synthetic: &SyntheticScene, map: MapOptions) -> (f64, f64) {
     let estimates = localize(&synthetic.scene, &LocalizeOptions::from(map)).unwrap().estimates;
     let count = estimates.iter().filter(|estimate| estimate.body.is_some()).count() as f64;

@@ -44,7 +44,7 @@ fn run(synthetic: &SyntheticScene, common_errors: bool) -> Localization {
     localize(&synthetic.scene, &LocalizeOptions::from(map)).unwrap()
 }
 
-/// Share of the true centres inside the region of 95 %.
+/// Share of the true centers inside the region of 95 %.
 fn inside(synthetic: &SyntheticScene, localization: &Localization) -> f64 {
     let pairs = localization.estimates.iter().zip(&synthetic.truth);
     let inside = pairs.filter(|(estimate, (_, truth))| {

@@ -1,4 +1,4 @@
-//! The merged map: localised again where both files have detections, and written.
+//! The merged map: localized again where both files have detections, and written.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use quadlift::align::MapTransform;
 use quadlift::run::{AssociateWhen, RunOptions};
 use quadlift_io::align::{ALIGNMENT, Merged, merge};
 use quadlift_io::run::{FileInput, PriorSource};
-use quadlift_io::scene_file::count_localised;
+use quadlift_io::scene_file::count_localized;
 use quadlift_io::{SceneFile, write_scene_file};
 use serde_json::{Value, json};
 
@@ -95,7 +95,7 @@ fn renamed(names: &[(String, String)]) -> Value {
     names.iter().map(|(from, to)| json!({ "from": from, "to": to })).collect()
 }
 
-/// Localises the objects from the detections of both maps, with the defaults of `quadlift localize`; what was found, and files that cannot be
+/// Localizes the objects from the detections of both maps, with the defaults of `quadlift localize`; what was found, and files that cannot be
 /// read.
 fn localize_again(args: &Args, merged: &mut Merged, out: &Output) -> anyhow::Result<(String, Vec<String>)> {
     let title = "the merged map";
@@ -119,7 +119,7 @@ fn localize_again(args: &Args, merged: &mut Merged, out: &Output) -> anyhow::Res
     let mut result = run.result();
     result.detections = run.input.file.detections.clone();
     let estimates = &run.localization().estimates;
-    let localised = count_localised(estimates);
+    let localized = count_localized(estimates);
     // Objects without detections (a map may have objects that its file shows in no frame) keep their estimates.
     let known: std::collections::BTreeSet<&str> = run.input.scene().object_ids.iter().map(String::as_str).collect();
     let kept: Vec<_> =
@@ -127,5 +127,5 @@ fn localize_again(args: &Args, merged: &mut Merged, out: &Output) -> anyhow::Res
     result.objects.extend(kept);
     merged.file = result;
     let of = count(estimates.len(), "object");
-    Ok((format!("localised {localised} of {of} from the detections of both maps\n"), run.input.problems))
+    Ok((format!("localized {localized} of {of} from the detections of both maps\n"), run.input.problems))
 }

@@ -48,7 +48,7 @@ pub fn refused(
     let why = match found.status {
         AlignStatus::TooFewObjects => format!(
             "too few objects: {} in A and {} in B, and fewer than {needed} of a map have a category that the other one has",
-            count(a.objects.len(), "localised object"),
+            count(a.objects.len(), "localized object"),
             b.objects.len()
         ),
         AlignStatus::Ambiguous(Ambiguity::Several) => {

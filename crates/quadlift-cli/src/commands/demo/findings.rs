@@ -11,7 +11,7 @@ use super::desk::Desk;
 use crate::output::DIM;
 use crate::table::{Cell, Table, number};
 
-/// The result of localising the desk.
+/// The result of localizing the desk.
 pub struct Findings<'a> {
     desk: &'a Desk,
     result: &'a SceneFile,
@@ -50,8 +50,8 @@ impl<'a> Findings<'a> {
         Ok(Self { desk, result, bodies, things: result.objects.iter().map(most).collect() })
     }
 
-    /// Objects that were localised.
-    fn localised(&self) -> impl Iterator<Item = (&ObjectRecord, Option<Body>, Option<usize>)> {
+    /// Objects that were localized.
+    fn localized(&self) -> impl Iterator<Item = (&ObjectRecord, Option<Body>, Option<usize>)> {
         let rows = self.result.objects.iter().zip(&self.bodies).zip(&self.things);
         let rows = rows.map(|((object, body), thing)| (object, *body, *thing));
         rows.filter(|(object, ..)| object.status.as_deref() == Some("ok"))
@@ -59,13 +59,13 @@ impl<'a> Findings<'a> {
 
     /// Numbers of found and of true objects.
     pub fn found(&self) -> [usize; 2] {
-        let found: HashSet<usize> = self.localised().filter_map(|(.., thing)| thing).collect();
+        let found: HashSet<usize> = self.localized().filter_map(|(.., thing)| thing).collect();
         [found.len(), self.desk.truth.len()]
     }
 
     /// Names of the things that were not found.
     pub fn missing(&self) -> Vec<String> {
-        let found: HashSet<usize> = self.localised().filter_map(|(.., thing)| thing).collect();
+        let found: HashSet<usize> = self.localized().filter_map(|(.., thing)| thing).collect();
         let names = self.desk.truth.iter().enumerate().filter(|(thing, _)| !found.contains(thing));
         names.map(|(_, (name, _))| name.clone()).collect()
     }
@@ -73,7 +73,7 @@ impl<'a> Findings<'a> {
     /// Counts of boxes.
     pub fn boxes(&self) -> Boxes {
         let used: HashSet<(&str, &str)> = self
-            .localised()
+            .localized()
             .flat_map(|(object, ..)| {
                 let used = object.view_residuals_px.iter().filter(|view| view.inlier);
                 used.map(|view| (object.id.as_str(), view.frame.as_str()))
@@ -90,7 +90,7 @@ impl<'a> Findings<'a> {
         boxes
     }
 
-    /// Distance of an object's centre from that of its thing, metres.
+    /// Distance of an object's center from that of its thing, meters.
     fn off(&self, object: &ObjectRecord, thing: Option<usize>) -> Option<f64> {
         let truth = self.desk.truth.get(thing?)?.1.as_ref()?.center();
         let center = object.center?;
@@ -99,10 +99,10 @@ impl<'a> Findings<'a> {
 
     /// One row per object: category, number of views, size, uncertainty and error.
     pub fn table(&self) -> String {
-        let mut table = Table::new(["<object", "views", "size [cm]", "centre sd", "centre error"]);
-        let millimetres =
+        let mut table = Table::new(["<object", "views", "size [cm]", "center sd", "center error"]);
+        let millimeters =
             |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| format!("{} mm", number(Some(1e3 * x), 0)));
-        for (object, body, thing) in self.localised() {
+        for (object, body, thing) in self.localized() {
             let category = object.category.as_deref().unwrap_or("object");
             let name = object.id.trim_start_matches("object_").trim_start_matches('0');
             let name = format!("{category} {}", if name.is_empty() { "0" } else { name });
@@ -117,9 +117,9 @@ impl<'a> Findings<'a> {
                 Cell::from(name),
                 Cell::from(views.to_string()),
                 Cell::from(sizes.unwrap_or_default()),
-                Cell::from(millimetres(object.center_sd)),
+                Cell::from(millimeters(object.center_sd)),
                 match off {
-                    Some(_) => Cell::from(millimetres(off)),
+                    Some(_) => Cell::from(millimeters(off)),
                     None => Cell::styled("no true object", DIM),
                 },
             ]);
@@ -131,7 +131,7 @@ impl<'a> Findings<'a> {
     pub fn to_json(&self) -> Value {
         let boxes = self.boxes();
         let objects: Vec<Value> = self
-            .localised()
+            .localized()
             .map(|(object, _, thing)| {
                 json!({
                     "id": object.id,

@@ -1,4 +1,4 @@
-//! `quadlift demo`: photographs of a desk and the boxes in them, which the program contains. Localises the objects and runs the
+//! `quadlift demo`: photographs of a desk and the boxes in them, which the program contains. Localizes the objects and runs the
 //! self-check on wrong poses.
 
 mod desk;
@@ -28,7 +28,7 @@ const ESTIMATE: &str = "estimate.json";
 const PAGE: &str = "report.html";
 const MENDED: &str = "mended.json";
 
-/// Localise the objects on a rendered desk; needs no files
+/// Localize the objects on a rendered desk; needs no files
 ///
 /// The images are rendered, so the true objects are known. The boxes come from a simulated detector: they have
 /// categories but no object ids, and some are wrong or false positives. A second part runs the self-check on the same
@@ -120,7 +120,7 @@ fn localize(scene: &Path, output: &Path, report: Option<&Path>, fix: bool) -> an
     let silent = Output { json: false, quiet: true, verbose: false, reports_to_stderr: false };
     match localize::run(&args, &silent)? {
         Outcome::Fine => Ok(()),
-        _ => bail!("the demo's scene could not be localised: {}", scene.display()),
+        _ => bail!("the demo's scene could not be localized: {}", scene.display()),
     }
 }
 
@@ -133,7 +133,7 @@ fn first_part(file: &SceneFile, found: &Findings, scene: &Path, page: &Path) -> 
         "{HEADING}1. A desk{HEADING:#}\n\
          {frames} images of {all} objects ({}) and {} boxes from a simulated detector. Boxes have\n\
          categories but no object ids; {} of them are false positives or far off.\n\n\
-         Localised {things} of {all} objects{missing}.\n\
+         Localized {things} of {all} objects{missing}.\n\
          Rejected {} of the {} wrong boxes and {} of the {} others.\n\n{}\n\
          Report: {}\n\n",
         images.display(),
@@ -153,7 +153,7 @@ fn second_part(said: &str, mended: &Findings) -> String {
     format!(
         "{HEADING}2. The same boxes with wrong camera poses{HEADING:#}\n\
          {WRONG} has poses in OpenGL axes, in which cameras look along -z. The self-check reports:\n\n{}\n\n\
-         With --fix, {things} of {all} objects are localised.\n",
+         With --fix, {things} of {all} objects are localized.\n",
         crate::help::fill_indented(said, 2),
     )
 }
@@ -163,8 +163,8 @@ fn next_steps(folder: &Path) -> Next {
     let [scene, estimate, truth, wrong] = [&scene, &estimate, &truth, &wrong].map(PathBuf::as_path);
     Next::default()
         .command(["view".into(), scene.into(), estimate.into()], "open the report")
-        .command(["info".into(), scene.into()], "summarise the scene")
-        .command(["localize".into(), scene.into(), "-o again.json".into()], "localise the objects again")
+        .command(["info".into(), scene.into()], "summarize the scene")
+        .command(["localize".into(), scene.into(), "-o again.json".into()], "localize the objects again")
         .command(["evaluate".into(), estimate.into(), truth.into()], "compare with the truth")
         .command(["localize".into(), wrong.into(), "--fix".into()], "correct the wrong poses")
 }

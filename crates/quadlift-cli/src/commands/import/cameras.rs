@@ -82,8 +82,8 @@ pub fn import(
             .command(["import --help".into()], "list the detection formats")
             .command(["view".into(), path.into()], "look at the cameras"),
         _ => Next::default()
-            .command(["info".into(), path.into()], "summarise and check the scene")
-            .command(["localize".into(), path.into(), "-o objects.json".into()], "localise the objects"),
+            .command(["info".into(), path.into()], "summarize and check the scene")
+            .command(["localize".into(), path.into(), "-o objects.json".into()], "localize the objects"),
     };
     out.report(&(text + &next.text()))?;
     out.document(&json!({

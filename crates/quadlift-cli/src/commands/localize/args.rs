@@ -22,7 +22,7 @@ use crate::options::{Chosen, Localize};
 #[command(
     verbatim_doc_comment,
     after_help = "\
-Several scenes (several paths, a folder, or a pattern in quotes) are localised one after another; OUT is then a folder,
+Several scenes (several paths, a folder, or a pattern in quotes) are localized one after another; OUT is then a folder,
 and each result has the file name of its scene. If a scene fails, it is reported and the others are still processed.
 
 --cameras and --detections read files of other programs and detect their formats; the options of `quadlift import` are
@@ -38,7 +38,7 @@ Examples:
   quadlift localize scenes/ -o estimates/
   quadlift localize 'scenes/kitti_*.json' -o estimates/ --json
 
-Exit codes: 0 success; 1 a scene failed, or none of its objects could be localised; 2 wrong usage; 3 a scene is
+Exit codes: 0 success; 1 a scene failed, or none of its objects could be localized; 2 wrong usage; 3 a scene is
 inconsistent (poses, cameras and boxes do not fit together), and --accept-inconsistent is not given."
 )]
 pub struct Args {
@@ -58,7 +58,7 @@ pub struct Args {
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = DetailName::Full, hide_possible_values = true)]
     pub(super) detail: DetailName,
 
-    /// Priors on categories: "builtin" (for scenes in metres), or a TOML file
+    /// Priors on categories: "builtin" (for scenes in meters), or a TOML file
     #[arg(long, value_name = "builtin|FILE.toml")]
     priors: Option<PathBuf>,
 

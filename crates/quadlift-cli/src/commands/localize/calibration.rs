@@ -24,7 +24,7 @@ pub fn read_calibration(paths: &[PathBuf]) -> anyhow::Result<Option<CalibrationR
 pub fn calibration_in_words(record: &CalibrationRecord) -> String {
     // The quantile of chi-square with 3 degrees of freedom.
     let said = match record.squared_distance.center.p95 {
-        Some(limit) => format!("the 95 % region of a centre ends at a squared distance of {limit:.2} instead of 7.81"),
+        Some(limit) => format!("the 95 % region of a center ends at a squared distance of {limit:.2} instead of 7.81"),
         None => "too few for a 95 % region".to_owned(),
     };
     format!("regions calibrated on {}: {said}\n", count(record.objects, "object"))

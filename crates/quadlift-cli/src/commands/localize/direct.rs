@@ -1,4 +1,4 @@
-//! `localize --cameras --detections`: the scene is made of other programs' files, whose formats are recognised.
+//! `localize --cameras --detections`: the scene is made of other programs' files, whose formats are recognized.
 
 use std::path::{Path, PathBuf};
 

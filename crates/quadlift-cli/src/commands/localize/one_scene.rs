@@ -8,7 +8,7 @@ use quadlift::solve::{Estimate, Rejection, Status};
 use quadlift_io::diagnosis::DiagnosisRecord;
 use quadlift_io::guard::check_not_read;
 use quadlift_io::run::{FileInput, FileOptions, FileRun, RunRecord};
-use quadlift_io::scene_file::{Detail, count_localised};
+use quadlift_io::scene_file::{Detail, count_localized};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -80,9 +80,9 @@ pub fn one_scene(
         document.report = Some(report.display().to_string());
     }
     let localization = run.localization();
-    let localized = count_localised(&localization.estimates);
+    let localized = count_localized(&localization.estimates);
     let mut text = format!(
-        "{HEADING}{}{HEADING:#}: {localized} of {} localised ({})\n\n",
+        "{HEADING}{}{HEADING:#}: {localized} of {} localized ({})\n\n",
         one_line(&title),
         count(localization.estimates.len(), "object"),
         settings_in_words(&options.run.localize.method, localization.body)
@@ -103,7 +103,7 @@ pub fn one_scene(
     out.report(&text)?;
     let record = run.record();
     tell_details(&run, &record, out);
-    out.detail(&format!("read in {}, localised in {}", duration(read), duration(solved - read)));
+    out.detail(&format!("read in {}, localized in {}", duration(read), duration(solved - read)));
     if out.json {
         document.objects = Some(serde_json::to_value(summaries(run.input.scene(), localization))?);
         // The objects tell their number, bodies and status; the settings are those of the command line.
@@ -127,7 +127,7 @@ pub fn one_scene(
     let accepted = options.run.localize.accept_inconsistent;
     let outcome = if unchecked { Outcome::Fine } else { tell(check, &run.input.context, accepted, &title, out) };
     if localized == 0 && outcome == Outcome::Fine {
-        return Err(anyhow!("{title}: no object could be localised"));
+        return Err(anyhow!("{title}: no object could be localized"));
     }
     Ok(if problems.is_empty() { outcome } else { Outcome::SomethingFailed })
 }

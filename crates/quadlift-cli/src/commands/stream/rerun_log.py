@@ -9,7 +9,7 @@ Entities, on the timelines "frame" and, if the frames have times, "time":
                                                         superellipsoids as their ellipsoids)
     world/truth/ellipsoids, world/truth/cuboids         true bodies
     world/boxes3d                                       3D boxes of the frame's detections
-    world/path                                          the cameras' centres
+    world/path                                          the cameras' centers
     world/camera                                        pose of the frame's camera
     world/camera/image                                  its pinhole camera and its image
     world/camera/image/boxes                            detected boxes, red if rejected by the estimator
@@ -174,7 +174,7 @@ def _log_boxes(rr: Any, boxes: list[Record]) -> None:
 
 
 def _log_boxes3d(rr: Any, boxes: list[Record]) -> None:
-    """Logs the 3D boxes of detections beside the estimates, in a colour of their own."""
+    """Logs the 3D boxes of detections beside the estimates, in a color of their own."""
     path = "world/boxes3d"
     if not boxes:
         rr.log(path, rr.Clear(recursive=False))

@@ -3,7 +3,7 @@
 use anyhow::bail;
 use quadlift::online::{ObjectMap, OnlineOptions};
 use quadlift::solve::PoseNoise;
-use quadlift_io::priors::check_metres;
+use quadlift_io::priors::check_meters;
 use quadlift_io::run::PriorSource;
 use quadlift_io::stream::{
     AboutRecord, FrameLine, Line, LineError, MAX_LINE, NextLine, OutputLine, PoseRecord, StreamState, parse_line,
@@ -87,7 +87,7 @@ impl<'a> Session<'a> {
     /// Observes all frames of the input, until it ends, a signal comes or nobody reads the events.
     pub fn run(&mut self, source: &mut Source, files: &MapFiles) -> anyhow::Result<()> {
         source.tell_that_it_waits(self.out);
-        let needs_metres = matches!(files.options.priors, PriorSource::Builtin);
+        let needs_meters = matches!(files.options.priors, PriorSource::Builtin);
         if let Some(about) = source.about() {
             self.about(None, &about)?;
         }
@@ -104,7 +104,7 @@ impl<'a> Session<'a> {
                 }
             };
             match line {
-                Ok(line) => self.line(number, line, needs_metres)?,
+                Ok(line) => self.line(number, line, needs_meters)?,
                 Err(error) => self.error(number, error)?,
             }
             let after = self.stream.map.frames();
@@ -121,13 +121,13 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    fn line(&mut self, number: Option<u64>, line: Line, needs_metres: bool) -> anyhow::Result<()> {
+    fn line(&mut self, number: Option<u64>, line: Line, needs_meters: bool) -> anyhow::Result<()> {
         let Line { about, frames, poses, is_list } = line;
         if about != AboutRecord::default() {
             self.about(number, &about)?;
         }
         for (index, frame) in frames.into_iter().enumerate() {
-            if needs_metres && let Err(problem) = check_metres(self.stream.scene.length_unit()) {
+            if needs_meters && let Err(problem) = check_meters(self.stream.scene.length_unit()) {
                 bail!("{problem}");
             }
             self.frame(number, is_list.then_some(index), frame)?;

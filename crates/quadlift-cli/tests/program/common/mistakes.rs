@@ -140,7 +140,7 @@ pub fn mistakes(right: &Value) -> Vec<Mistake> {
             "Normalized boxes",
             "YOLO label files contain coordinates from 0 to 1, which `quadlift import yolo` converts; scene files \
              use pixels.",
-            "boxes are normalised",
+            "boxes are normalized",
             "normalized_boxes",
             with_boxes(right, |b| [b[0] / w, b[1] / h, b[2] / w, b[3] / h]),
         ),
@@ -177,7 +177,7 @@ pub fn mistakes(right: &Value) -> Vec<Mistake> {
         of(
             "Normalized intrinsics",
             "Some programs divide focal lengths and principal point by the width and height of the image.",
-            "intrinsics are normalised",
+            "intrinsics are normalized",
             "normalized_intrinsics",
             with_intrinsics(right, |k| [k[0] / w, k[1] / h, k[2] / w, k[3] / h]),
         ),

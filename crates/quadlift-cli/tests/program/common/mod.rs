@@ -118,7 +118,7 @@ impl From<Output> for Run {
             Self { code: output.status.code().unwrap_or(-1), stdout: text(output.stdout), stderr: text(output.stderr) };
         for text in [&run.stdout, &run.stderr] {
             assert!(!text.contains("panicked") && !text.contains("RUST_BACKTRACE"), "{text}");
-            assert!(!text.contains('\u{1b}'), "colours without a terminal: {text:?}");
+            assert!(!text.contains('\u{1b}'), "colors without a terminal: {text:?}");
         }
         run
     }

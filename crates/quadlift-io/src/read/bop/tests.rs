@@ -44,7 +44,7 @@ fn an_object_is_the_world() {
     assert_eq!(scene.cameras[0].params, [500.0, 501.0, 320.5, 240.5]);
     let pose = scene.frames[1].cam_from_world.unwrap();
     assert_eq!([pose[0][3], pose[1][3], pose[2][3]], [0.05, 0.0, 0.8]);
-    // The models' boxes begin at z = 0: their centres are 30 mm above.
+    // The models' boxes begin at z = 0: their centers are 30 mm above.
     let objects: Vec<_> = scene.objects.iter().map(|o| (o.id.as_str(), o.cuboid.as_ref().unwrap())).collect();
     assert_eq!(objects.iter().map(|o| o.0).collect::<Vec<_>>(), ["obj_000005", "obj_000007_1", "obj_000007_2"]);
     for (object, expected) in objects.iter().zip([[0.0, 0.0, 0.03], [0.1, 0.0, 0.03], [-0.1, 0.0, 0.03]]) {

@@ -129,7 +129,7 @@ pub fn add_detections(
     };
     report.notes.extend(matching.note);
     if options.pixel_centers == PixelCenters::Integer {
-        report.notes.push("pixel centres at integers: 0.5 was added to the coordinates".to_owned());
+        report.notes.push("pixel centers at integers: 0.5 was added to the coordinates".to_owned());
     }
     let (mut detections, mut scaled, mut behind) = (Vec::new(), 0, 0);
     let mut seen = vec![false; scene.frames.len()];

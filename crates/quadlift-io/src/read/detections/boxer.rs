@@ -1,6 +1,6 @@
 //! Boxer's CSV of oriented 3D boxes per frame (`boxer_3dbbs.csv`), also written by WildDet3D and Meta's Aria tools.
 //!
-//! Positions and full extents in metres, quaternions of `world_from_object` with w first. Images are matched by time. There are
+//! Positions and full extents in meters, quaternions of `world_from_object` with w first. Images are matched by time. There are
 //! no boxes in pixels: the detections are 3D boxes alone.
 
 use std::collections::BTreeMap;

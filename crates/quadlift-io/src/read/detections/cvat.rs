@@ -1,7 +1,7 @@
 //! CVAT: an XML file of a task, "CVAT for images 1.1" or "CVAT for video 1.1" (feature `xml`).
 //!
 //! Images have names and shapes; tracks have a shape for each frame, by its number from 0. Coordinates are pixels from
-//! the corner of the image. Rotations are degrees, clockwise about the centre of the box. Runs of masks go along the rows
+//! the corner of the image. Rotations are degrees, clockwise about the center of the box. Runs of masks go along the rows
 //! of the window of the mask. Format: "XML annotation format", version 1.1, of docs.cvat.ai.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};

@@ -28,7 +28,7 @@ fn video(tracks: &str) -> String {
 fn shapes_of_images() {
     let files = read(&image(
         "<box label=\"cup\" source=\"manual\" occluded=\"1\" xtl=\"11.00\" ytl=\"5.50\" xbr=\"30.00\" ybr=\"25.00\" z_order=\"0\">\
-         <attribute name=\"colour\">red</attribute></box>\
+         <attribute name=\"color\">red</attribute></box>\
          <box label=\"kite\" occluded=\"0\" xtl=\"10\" ytl=\"20\" xbr=\"30\" ybr=\"30\" rotation=\"90.0\"/>\
          <polygon label=\"cat\" occluded=\"0\" points=\"1.00,2.00;5.00,2.00;3.00,9.00\" group_id=\"1\"/>\
          <polygon label=\"cat\" occluded=\"0\" points=\"11.00,2.00;15.00,2.00;13.00,4.00\" group_id=\"1\"/>\

@@ -107,7 +107,7 @@ pub enum Outline {
     Rle(RleRecord),
     /// The corners of a rotated box in order.
     TurnedBox([[f64; 2]; 4]),
-    /// Centre and radius.
+    /// Center and radius.
     Circle([f64; 3]),
 }
 

@@ -38,7 +38,7 @@ pub(super) const FORMAT: DetectionFormat = Format {
 /// [`ReadError`] with the line, what was found and what was expected.
 pub(super) fn parse_kitti_labels(path: &Path, files: &[LabelFile]) -> Result<DetectionFiles, ReadError> {
     let mut found = ByImage::default();
-    let (mut with_tracks, mut unlabelled) = (false, 0);
+    let (mut with_tracks, mut unlabeled) = (false, 0);
     for file in files {
         let benchmark = benchmark(file)?;
         with_tracks |= benchmark == Benchmark::Tracking;
@@ -58,7 +58,7 @@ pub(super) fn parse_kitti_labels(path: &Path, files: &[LabelFile]) -> Result<Det
         for label in parse_labels_of(&file.path, &file.bytes, benchmark)? {
             let image = found.image(key(label.frame as i64));
             if label.kind == "DontCare" {
-                unlabelled += 1;
+                unlabeled += 1;
                 continue;
             }
             let line = label.line;
@@ -71,8 +71,8 @@ pub(super) fn parse_kitti_labels(path: &Path, files: &[LabelFile]) -> Result<Det
         false => "labels of the object benchmark, one file for each image",
     };
     let mut notes = vec![kind.to_owned()];
-    if unlabelled > 0 {
-        notes.push(format!("{unlabelled} DontCare regions were skipped"));
+    if unlabeled > 0 {
+        notes.push(format!("{unlabeled} DontCare regions were skipped"));
     }
     Ok(DetectionFiles {
         path: path.to_owned(),

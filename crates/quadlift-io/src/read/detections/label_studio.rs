@@ -1,7 +1,7 @@
 //! Label Studio: exports as JSON (tasks with annotations and predictions) and JSON-MIN (tasks with shapes).
 //!
 //! Coordinates are percent of the image's width and height, from its corner. Rotations are degrees, clockwise, of boxes
-//! about their first corner and of ellipses about their centre. Frames of videos count from 1; boxes between keyframes
+//! about their first corner and of ellipses about their center. Frames of videos count from 1; boxes between keyframes
 //! lie on a line, as the program shows them. Format: "Label Studio JSON format of annotated tasks" and the pages of the
 //! tags at labelstud.io.
 
@@ -120,8 +120,8 @@ impl Reader {
         let name = image_name(&data)?;
         let mut annotations = Vec::new();
         for annotation in task.optional("annotations")?.map_or(Ok(Vec::new()), |list| list.items())? {
-            let cancelled = annotation.optional("was_cancelled")?.map_or(Ok(false), |flag| flag.boolean())?;
-            annotations.extend((!cancelled).then_some(annotation));
+            let canceled = annotation.optional("was_cancelled")?.map_or(Ok(false), |flag| flag.boolean())?;
+            annotations.extend((!canceled).then_some(annotation));
         }
         self.several += usize::from(annotations.len() > 1);
         if let Some(annotation) = annotations.first() {

@@ -167,7 +167,7 @@ fn which_results_of_a_task_are_read() {
             {{"was_cancelled": true, "result": [{}]}}, {{"result": [{}]}}, {{"result": [{}]}}]}},
         {{"data": {{"image": "b.png"}}, "annotations": [], "predictions": [{{"score": 0.7, "result": [{}]}}]}},
         {{"data": {{"image": "c.png"}}, "annotations": []}}]"#,
-        box_of("cancelled"),
+        box_of("canceled"),
         box_of("first"),
         box_of("second"),
         box_of("predicted")

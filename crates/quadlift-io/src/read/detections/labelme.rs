@@ -66,7 +66,7 @@ fn image(file: &LabelFile, left_out: &mut BTreeMap<String, usize>) -> Result<Det
                 (Some([a[0].min(b[0]), a[1].min(b[1]), a[0].max(b[0]), a[1].max(b[1])]), Outline::Unknown)
             }
             ("polygon" | "rectangle", [_, _, _, ..]) => (None, Outline::Polygons(vec![corners.concat()])),
-            // The centre and a point of the circle.
+            // The center and a point of the circle.
             ("circle", [center, point]) => {
                 let radius = (point[0] - center[0]).hypot(point[1] - center[1]);
                 (None, Outline::Circle([center[0], center[1], radius]))
@@ -99,7 +99,7 @@ fn image(file: &LabelFile, left_out: &mut BTreeMap<String, usize>) -> Result<Det
 fn points_of(kind: &str) -> &'static str {
     match kind {
         "polygon" => "3 or more of a polygon",
-        "circle" => "2 of a circle, the centre and one on it",
+        "circle" => "2 of a circle, the center and one on it",
         _ => "2 of a box, opposite corners",
     }
 }

@@ -271,7 +271,7 @@ fn mot_counts_frames_ids_and_pixels_from_one() {
     assert_eq!((records[0].category.as_deref(), records[0].score), (Some("cat"), Some(0.9)));
     let as_truth = MotOptions { kind: MotKind::GroundTruth, ..auto };
     assert_eq!(added(mot("1 7 11 21 30 40 0.9 1 -1\n", &as_truth).unwrap(), &["a"])[0].score, None);
-    // Files that count frames from 0 are recognised by the frame 0.
+    // Files that count frames from 0 are recognized by the frame 0.
     assert_eq!(mot("0,1,2,3,4,5\n1,1,2,3,4,5\n", &auto).unwrap().numbering, Numbering::From(0));
     let message = |text: &str| mot(text, &auto).unwrap_err().to_string();
     insta::assert_snapshot!(message("1,2,3\n"), @"mot.txt:1: found 3 columns; expected 6 to 10: frame, id, left, top, width, height, confidence, ...");
@@ -544,7 +544,7 @@ fn adding_keeps_what_is_there_and_tells_what_is_left_out() {
     insta::assert_snapshot!(error, @r#"a.csv: the scene already has detections of the source "new"; choose another name (--source NAME) or replace all (--replace)"#);
     let report = add_detections(&mut scene, files(), &AddOptions { replace: true, ..options.clone() }).unwrap();
     assert_eq!((report.removed, scene.detections.len()), (2, 1));
-    // Integer pixel centres move everything by half a pixel.
+    // Integer pixel centers move everything by half a pixel.
     let shifted = AddOptions { replace: true, pixel_centers: crate::read::PixelCenters::Integer, ..options.clone() };
     add_detections(&mut scene, files(), &shifted).unwrap();
     assert_eq!(scene.detections[0].bounding_box, Some([1.5, 2.5, 3.5, 4.5]));

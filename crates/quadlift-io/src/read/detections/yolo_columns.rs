@@ -17,7 +17,7 @@ pub enum YoloKind {
     /// have at most 10, polygons otherwise.
     #[default]
     Auto,
-    /// Centre, width and height.
+    /// Center, width and height.
     Box,
     /// Corners of a polygon.
     Polygon,

@@ -7,10 +7,10 @@ Tr_velo_cam 0 -1 0 0 0 0 -1 0 1 0 0 0
 Tr_imu_velo 1 0 0 0 0 1 0 0 0 0 1 0
 ";
 
-/// Two lines of GPS/IMU data, the second `north` metres ahead.
+/// Two lines of GPS/IMU data, the second `north` meters ahead.
 fn oxts(north: f64) -> String {
     let rest = " 0".repeat(24);
-    // One metre north is 1 / 111319.49 degrees on KITTI's sphere. The IMU looks north (yaw is counted from east).
+    // One meter north is 1 / 111319.49 degrees on KITTI's sphere. The IMU looks north (yaw is counted from east).
     let yaw = std::f64::consts::FRAC_PI_2;
     format!("0 8 100 0 0 {yaw}{rest}\n{} 8 100 0 0 {yaw}{rest}\n", north / 111_319.490_793)
 }
@@ -42,7 +42,7 @@ fn a_car_that_drives_ahead_moves_the_world_backwards() {
 }
 
 #[test]
-fn metres_are_metres_at_any_latitude() {
+fn meters_are_meters_at_any_latitude() {
     // The Mercator projection stretches by 1 / cos(latitude): twice at 60 degrees.
     let rest = " 0".repeat(24);
     let line = |latitude: f64| format!("{latitude} 8 100 0 0 {}{rest}\n", std::f64::consts::FRAC_PI_2);
@@ -67,7 +67,7 @@ fn label_boxes_move_with_the_pixel_centers() {
 
 #[test]
 fn labels_become_detections_and_objects_in_the_world() {
-    // A car 20 m ahead, 1 m below; in the second frame 15 m ahead. A region that is not labelled; a car that drives.
+    // A car 20 m ahead, 1 m below; in the second frame 15 m ahead. A region that is not labeled; a car that drives.
     let labels = "\
 0 3 Car 0 1 0 500 100 600 200 1.5 1.6 4.0 0 1.75 20 1.5707963267948966
 1 3 Car 0.25 1 0 490 100 610 210 1.5 1.6 4.0 0 1.75 15 1.5707963267948966

@@ -29,7 +29,7 @@ fn in_camera(world: [f64; 3]) -> [f64; 3] {
 }
 
 /// The pixel by the formulae of OpenSfM's documentation for points of distortion 1: `u, v` are shares of the larger side;
-/// its pixel (0, 0) is the centre of the first one.
+/// its pixel (0, 0) is the center of the first one.
 fn pixel(camera: &Value, [x, y, z]: [f64; 3]) -> [f64; 2] {
     let number = |key: &str| camera[key].as_f64().unwrap_or(0.0);
     let [k1, k2, k3, k4, p1, p2] = ["k1", "k2", "k3", "k4", "p1", "p2"].map(number);
@@ -134,7 +134,7 @@ fn the_largest_reconstruction_is_read() {
 }
 
 #[test]
-fn a_reference_gives_metres_and_up() {
+fn a_reference_gives_meters_and_up() {
     let camera = json!({"width": 640, "height": 480, "focal": 0.9});
     let mut document = document(&camera);
     let reference = json!({"latitude": 48.2, "longitude": 16.37, "altitude": 0.0});

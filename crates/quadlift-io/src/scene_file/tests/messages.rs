@@ -152,9 +152,9 @@ fn detections() {
     assert_snapshot!(after(r#""frame": "000012""#, r#""frame": "12""#), @r#"scene.json: detections[0].frame: unknown frame "12"; did you mean "000012"?"#);
     assert_snapshot!(after(r#""frame": "000012""#, r#""frame": "img_7""#), @r#"scene.json: detections[0].frame: unknown frame "img_7"; the frames are: "000012", "000013""#);
     assert_snapshot!(after(r#""frame": "000013""#, r#""frame": "000012""#), @r#"scene.json: detections[1]: object "duck" is detected twice in frame "000012" by the same source (first by detections[0])"#);
-    assert_snapshot!(after("[10, 20, 30, 40]", "[30, 20, 10, 40]"), @"scene.json: detections[0].box: the box [30, 20, 10, 40] is empty or reversed; expected [x0, y0, x1, y1] with x0 < x1 and y0 < y1 (if the numbers are x, y, width, height: --assume boxes=xywh; centre and size: --assume boxes=cxcywh)");
-    assert_snapshot!(after("[10, 20, 30, 40]", "[10, 20, 30, 20]"), @"scene.json: detections[0].box: the box [10, 20, 30, 20] is empty or reversed; expected [x0, y0, x1, y1] with x0 < x1 and y0 < y1 (if the numbers are x, y, width, height: --assume boxes=xywh; centre and size: --assume boxes=cxcywh)");
-    assert_snapshot!(after(r#", "box": [10, 20, 30, 40]"#, ""), @r#"scene.json: detections[0]: the detection has none of "box", "outline", "oriented_box" and "ellipse", and no "box3d" with a centre"#);
+    assert_snapshot!(after("[10, 20, 30, 40]", "[30, 20, 10, 40]"), @"scene.json: detections[0].box: the box [30, 20, 10, 40] is empty or reversed; expected [x0, y0, x1, y1] with x0 < x1 and y0 < y1 (if the numbers are x, y, width, height: --assume boxes=xywh; center and size: --assume boxes=cxcywh)");
+    assert_snapshot!(after("[10, 20, 30, 40]", "[10, 20, 30, 20]"), @"scene.json: detections[0].box: the box [10, 20, 30, 20] is empty or reversed; expected [x0, y0, x1, y1] with x0 < x1 and y0 < y1 (if the numbers are x, y, width, height: --assume boxes=xywh; center and size: --assume boxes=cxcywh)");
+    assert_snapshot!(after(r#", "box": [10, 20, 30, 40]"#, ""), @r#"scene.json: detections[0]: the detection has none of "box", "outline", "oriented_box" and "ellipse", and no "box3d" with a center"#);
     assert_snapshot!(after("[9, 8]", "[9, 0]"), @r#"scene.json: detections[1].ellipse: the conic is not an ellipse with positive semi-axes; "semi_axes" is [9.0, 0.0]"#);
     let no_frames = VALID.find("\"frames\"").unwrap()..VALID.find("\"detections\"").unwrap();
     let mut text = VALID.to_owned();

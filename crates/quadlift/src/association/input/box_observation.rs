@@ -14,7 +14,7 @@ const LEAST_SCORE: f64 = 1e-3;
 pub(crate) struct Camera {
     /// World to pixels with a third row of length one, the world's origin amid the cameras.
     pub matrix: Matrix3x4<f64>,
-    /// Its centre.
+    /// Its center.
     pub center: Vector3<f64>,
     /// Direction of view, length one.
     pub axis: Vector3<f64>,
@@ -67,7 +67,7 @@ pub(crate) fn log_odds_against(score: Option<f64>) -> f64 {
 }
 
 impl Camera {
-    /// A camera whose centre is at `center` (world), with the world's origin moved to `origin`.
+    /// A camera whose center is at `center` (world), with the world's origin moved to `origin`.
     pub fn new(projection: &Projection, center: &Vector3<f64>, origin: &Vector3<f64>, size: Vector2<f64>) -> Self {
         let mut matrix = *projection.matrix();
         matrix /= matrix.fixed_view::<1, 3>(2, 0).norm();
@@ -104,7 +104,7 @@ impl BoxObservation {
         }
     }
 
-    /// Sets the ray through the centre; `inverse` is the inverse of the first three columns of the camera matrix.
+    /// Sets the ray through the center; `inverse` is the inverse of the first three columns of the camera matrix.
     pub fn locate(&mut self, inverse: &Matrix3<f64>, focal: f64) {
         let center = self.center();
         self.ray = inverse * Vector3::new(center.x, center.y, 1.0);

@@ -6,7 +6,7 @@ use super::box_observation::{BoxObservation, Camera};
 use crate::association::statistics::LN_2PI;
 
 /// Maximum number of other boxes of a frame for the density at a box; more are sampled evenly.
-const MOST_NEIGHBOURS: usize = 2000;
+const MOST_NEIGHBORS: usize = 2000;
 
 /// Weight of the uniform density of clutter, in boxes of a frame.
 const UNIFORM_WEIGHT: f64 = 3.0;
@@ -54,9 +54,9 @@ pub(crate) fn set_clutter(boxes: &mut [BoxObservation], camera: &Camera, sizes: 
     }
 }
 
-/// For births: log density, over the centre and the two log sizes, of the alternatives for an unassigned box: clutter
+/// For births: log density, over the center and the two log sizes, of the alternatives for an unassigned box: clutter
 /// or another object nearby.
-pub(crate) fn log_density_among_neighbours(
+pub(crate) fn log_density_among_neighbors(
     (cameras, boxes): (&[Camera], &[BoxObservation]),
     sizes: &BoxSizes,
     log_rate: f64,
@@ -65,13 +65,13 @@ pub(crate) fn log_density_among_neighbours(
     let mut densities: Vec<f64> = boxes.iter().map(|b| sizes.log_density(b)).collect();
     for camera in cameras {
         let all: Vec<usize> = camera.boxes.clone().filter(|&i| !used[i]).collect();
-        let step = all.len().div_ceil(MOST_NEIGHBOURS).max(1);
+        let step = all.len().div_ceil(MOST_NEIGHBORS).max(1);
         let uniform = log_rate.exp() / camera.size.product();
         for &index in &all {
             let observation = &boxes[index];
             let width = 2.0 * observation.half_size;
-            let neighbours = all.iter().step_by(step).filter(|&&i| i != index);
-            let near: f64 = neighbours
+            let neighbors = all.iter().step_by(step).filter(|&&i| i != index);
+            let near: f64 = neighbors
                 .map(|&i| &boxes[i])
                 .filter(|other| other.category == observation.category)
                 .map(|other| (-0.5 * (other.center() - observation.center()).norm_squared() / (width * width)).exp())
@@ -96,7 +96,7 @@ fn places(boxes: &[BoxObservation]) -> Places {
     let square = |b: &BoxObservation| (b.center() - mean).map(|x| x * x);
     let sd = (boxes.iter().map(square).sum::<Vector2<f64>>() / count).map(f64::sqrt);
     let half_size = boxes.iter().map(|b| b.half_size).sum::<f64>() / count;
-    let step = boxes.len().div_ceil(MOST_NEIGHBOURS).max(1);
+    let step = boxes.len().div_ceil(MOST_NEIGHBORS).max(1);
     let middles = boxes.iter().step_by(step).map(BoxObservation::center).collect();
     Places { middles, bandwidth: (0.7 * sd).add_scalar(half_size), count }
 }

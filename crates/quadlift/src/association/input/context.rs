@@ -33,7 +33,7 @@ pub(crate) fn given_size(priors: &CategoryPriors, category: &str) -> Option<LogS
 #[derive(Debug)]
 pub(crate) struct AssociationContext<'a> {
     pub options: &'a AssociateOptions,
-    /// Centres of the cameras.
+    /// Centers of the cameras.
     pub camera_tree: PointTree,
     /// The order in which objects are grown, and which frames pair up.
     pub order: FrameOrder,

@@ -1,4 +1,4 @@
-//! Neighbouring frames: the order in which objects grow, and the frame pairs that births use.
+//! Neighboring frames: the order in which objects grow, and the frame pairs that births use.
 
 use super::observations::Camera;
 use super::point_tree::PointTree;
@@ -10,7 +10,7 @@ const PARTNERS: usize = 10;
 const WITNESSES: usize = 48;
 
 /// Nearest frames among which partners and witnesses are chosen.
-const NEIGHBOURS: usize = 400;
+const NEIGHBORS: usize = 400;
 
 /// Cosine of the maximum angle between the viewing directions of partners (101 degrees).
 const LEAST_COSINE: f64 = -0.2;
@@ -21,7 +21,7 @@ const COMPARED: usize = 64;
 /// Fraction of frames whose next one must be their nearest for the file to count as a video.
 const VIDEO_SHARE: f64 = 0.8;
 
-/// Which frames are neighbours.
+/// Which frames are neighbors.
 #[derive(Debug, Clone)]
 pub(crate) struct FrameOrder {
     /// All frames, each near the one before.
@@ -39,9 +39,9 @@ impl FrameOrder {
         let unit = extent(cameras);
         let is_video = is_video(cameras, unit);
         let frames = if is_video { (0..cameras.len() as u32).collect() } else { chain(cameras, unit, 0) };
-        let neighbours: Vec<(Vec<u32>, Vec<u32>)> =
-            crate::parallel::map_indices(cameras.len(), |frame| neighbours(cameras, tree, frame));
-        let (partners, witnesses) = neighbours.into_iter().unzip();
+        let neighbors: Vec<(Vec<u32>, Vec<u32>)> =
+            crate::parallel::map_indices(cameras.len(), |frame| neighbors(cameras, tree, frame));
+        let (partners, witnesses) = neighbors.into_iter().unzip();
         Self { frames, is_video, partners, witnesses }
     }
 
@@ -105,16 +105,16 @@ fn chain(cameras: &[Camera], unit: f64, first: usize) -> Vec<u32> {
 }
 
 /// Partners and witnesses of a frame.
-fn neighbours(cameras: &[Camera], tree: &PointTree, frame: usize) -> (Vec<u32>, Vec<u32>) {
+fn neighbors(cameras: &[Camera], tree: &PointTree, frame: usize) -> (Vec<u32>, Vec<u32>) {
     let from = &cameras[frame];
     let near: Vec<u32> = tree
-        .nearest(&from.center, NEIGHBOURS + 1)
+        .nearest(&from.center, NEIGHBORS + 1)
         .into_iter()
         .filter(|&other| other as usize != frame && cameras[other as usize].axis.dot(&from.axis) > LEAST_COSINE)
         .collect();
     let partners = geometric_ranks(near.len(), PARTNERS).into_iter().map(|rank| near[rank]).collect();
     let with_itself: Vec<u32> = std::iter::once(frame as u32).chain(near).collect();
-    let ranks = if cameras.len() > NEIGHBOURS {
+    let ranks = if cameras.len() > NEIGHBORS {
         geometric_ranks(with_itself.len(), WITNESSES)
     } else {
         even_ranks(with_itself.len(), WITNESSES)

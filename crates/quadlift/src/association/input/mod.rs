@@ -1,4 +1,4 @@
-//! Input of association: the selected detections, their boxes and cameras, neighbouring frames, clutter densities,
+//! Input of association: the selected detections, their boxes and cameras, neighboring frames, clutter densities,
 //! sizes.
 
 pub(crate) mod box_observation;

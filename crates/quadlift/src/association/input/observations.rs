@@ -31,7 +31,7 @@ pub(crate) struct Observations {
 
 impl Observations {
     /// Prepares the given detections (indices into the scene); those with only an ellipse are represented by the box
-    /// around it. Detections in frames whose camera has no finite centre are skipped.
+    /// around it. Detections in frames whose camera has no finite center are skipped.
     pub fn new(scene: &Scene, detections: &[usize]) -> Self {
         let centers: Vec<_> = scene.frames.iter().map(|f| f.projection.center_in_world().map(|c| c.coords)).collect();
         let count = centers.iter().flatten().count().max(1) as f64;

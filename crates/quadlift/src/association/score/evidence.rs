@@ -44,7 +44,7 @@ pub(crate) fn evidence(
         }
         sum += observations.category_log_odds(object.category, observation.category);
     }
-    // Densities of the prior: the centre uniform in the scene's volume and measured in radii, five numbers of shape (the
+    // Densities of the prior: the center uniform in the scene's volume and measured in radii, five numbers of shape (the
     // entries of D are twice logarithms of axes), one of size.
     let place = 3.0 * object.radius.ln() - statistics.volume.ln();
     let shape = -5.0 * SHAPE_SD.ln() - 2.5 * LN_2PI + 6.0 * 0.5f64.ln();

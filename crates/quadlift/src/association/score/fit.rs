@@ -24,7 +24,7 @@ use crate::association::statistics::EDGE_LIKELIHOOD;
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::geometry::linalg::{cholesky, invert_spd};
-use crate::optimize::levenberg_marquardt::{Stop, minimise};
+use crate::optimize::levenberg_marquardt::{Stop, minimize};
 use crate::optimize::normal_equations::NormalEquations;
 
 /// Standard deviation of the deviation of log semi-axes from their mean. Wider than that of the estimators (0.4):
@@ -36,7 +36,7 @@ const STOP: Stop = Stop { evaluations: 40, promised_decrease: 1e-3 };
 /// The start of a fit.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Start {
-    /// Centre.
+    /// Center.
     pub center: Vector3<f64>,
     /// `B` with the shape matrix `A = B B^T`.
     pub root: Matrix3<f64>,
@@ -118,10 +118,10 @@ fn follow(
     let root = start.root / unit;
     let body = EllipsoidModel::new(Vector3::zeros(), &(root * root.transpose()))?;
     let (body, equations) =
-        minimise(body, STOP, |body| linearise(&measured, log_size, body), |body, step| body.retract(step))?;
+        minimize(body, STOP, |body| linearize(&measured, log_size, body), |body, step| body.retract(step))?;
     let semi_axes = body.semi_axes();
     let relative_radius = semi_axes.product().cbrt();
-    // From the centre in units of the start to the centre in units of the body's own radius.
+    // From the center in units of the start to the center in units of the body's own radius.
     let mut hessian: SMatrix<f64, 9, 9> = equations.hessian();
     for i in 0..3 {
         for j in 0..9 {
@@ -174,8 +174,8 @@ fn measure(
     }
 }
 
-/// Cost (twice the negative log posterior) and derivatives; `None` if the centre is behind the camera of a box.
-fn linearise(measured: &[Measured], log_size: Option<(f64, f64)>, body: &EllipsoidModel) -> Option<NormalEquations> {
+/// Cost (twice the negative log posterior) and derivatives; `None` if the center is behind the camera of a box.
+fn linearize(measured: &[Measured], log_size: Option<(f64, f64)>, body: &EllipsoidModel) -> Option<NormalEquations> {
     let mut equations = NormalEquations::zero();
     let center = body.center();
     let semi_axes = body.semi_axes();
@@ -272,11 +272,11 @@ mod tests {
                 .collect();
             let root = object.root / object.radius;
             let body = EllipsoidModel::new(Vector3::zeros(), &(root * root.transpose())).unwrap();
-            0.5 * linearise(&measured, None, &body.retract(step).unwrap()).unwrap().cost
+            0.5 * linearize(&measured, None, &body.retract(step).unwrap()).unwrap().cost
         };
         let zero = nalgebra::SVector::<f64, 9>::zeros();
         assert!((cost(&zero) - object.cost).abs() < 1e-6 * (1.0 + object.cost));
-        // Along the centre, where residuals of exact boxes leave nothing but the Gauss-Newton part of the curvature.
+        // Along the center, where residuals of exact boxes leave nothing but the Gauss-Newton part of the curvature.
         let hessian = object.covariance.try_inverse().unwrap();
         for axis in 0..3 {
             let mut step = zero;

@@ -37,7 +37,7 @@ impl Free {
 pub(crate) struct FreeBoxes {
     /// By the horizontal places of their middles.
     boxes: Vec<Free>,
-    /// Over centres, sizes and aspects, if there are many boxes; with the minimum density of each part.
+    /// Over centers, sizes and aspects, if there are many boxes; with the minimum density of each part.
     tree: RangeTree,
     densities: Vec<f64>,
 }

@@ -9,7 +9,7 @@ use crate::association::input::observations::{BoxObservation, Camera, Observatio
 pub(crate) struct Prediction {
     /// The tight box, pixels.
     pub edges: [f64; 4],
-    /// Depth of the centre.
+    /// Depth of the center.
     pub depth: f64,
 }
 
@@ -25,15 +25,15 @@ impl Prediction {
 pub(crate) struct Object {
     /// Indices of the boxes, ascending, hence in the order of the frames.
     pub boxes: Vec<u32>,
-    /// Centre, less the origin of the observations.
+    /// Center, less the origin of the observations.
     pub center: Vector3<f64>,
     /// `B` with the shape matrix `A = B B^T`; its columns are the semi-axes.
     pub root: Matrix3<f64>,
     /// Geometric mean of the semi-axes.
     pub radius: f64,
-    /// Half of the minimised sum: minus the log likelihood and log prior, without their constants.
+    /// Half of the minimized sum: minus the log likelihood and log prior, without their constants.
     pub cost: f64,
-    /// `ln det` of the Hessian of `cost` by the centre over the radius and by the six entries of D in
+    /// `ln det` of the Hessian of `cost` by the center over the radius and by the six entries of D in
     /// `A <- B exp(D) B^T`.
     pub log_det_hessian: f64,
     /// The inverse of that Hessian: the covariance.

@@ -68,7 +68,7 @@ pub(crate) fn pair_sphere(a: (&Camera, &BoxObservation), b: (&Camera, &BoxObserv
     Some(PairSphere { sphere: Sphere { center, log_radius: 0.5 * (ra * rb).ln() }, disagreement })
 }
 
-/// The information matrix of the centre from the rays through boxes, and its sum weighted with the camera centres.
+/// The information matrix of the center from the rays through boxes, and its sum weighted with the camera centers.
 fn information(observations: &Observations, boxes: &[u32], center: &Vector3<f64>) -> (Matrix3<f64>, Vector3<f64>) {
     let (mut sum, mut toward) = (Matrix3::zeros(), Vector3::zeros());
     for &index in boxes {
@@ -84,7 +84,7 @@ fn information(observations: &Observations, boxes: &[u32], center: &Vector3<f64>
     (sum, toward)
 }
 
-/// Covariance of the centre of a sphere seen along the rays through boxes; isotropic with its radius if they do not
+/// Covariance of the center of a sphere seen along the rays through boxes; isotropic with its radius if they do not
 /// determine it.
 pub(crate) fn center_covariance(observations: &Observations, boxes: &[u32], sphere: &Sphere) -> Matrix3<f64> {
     let (mut sum, _) = information(observations, boxes, &sphere.center);
@@ -92,7 +92,7 @@ pub(crate) fn center_covariance(observations: &Observations, boxes: &[u32], sphe
     invert_spd(&sum).unwrap_or_else(|| Matrix3::identity() * (2.0 * sphere.log_radius).exp())
 }
 
-/// The sphere of many boxes, from a first guess of its centre; `None` if it is not in front of all cameras.
+/// The sphere of many boxes, from a first guess of its center; `None` if it is not in front of all cameras.
 pub(crate) fn triangulate_sphere(observations: &Observations, boxes: &[u32], guess: &Vector3<f64>) -> Option<Sphere> {
     let mut center = *guess;
     for _ in 0..2 {

@@ -33,7 +33,7 @@ pub(crate) struct SceneStatistics {
     pub log_clutter_rate: f64,
     /// Sizes of each category, if known.
     pub log_sizes: Vec<Option<LogSize>>,
-    /// Volume of possible object centres, cubed world units: the extent of the centres; for a single object, a ball
+    /// Volume of possible object centers, cubed world units: the extent of the centers; for a single object, a ball
     /// about it that reaches to its cameras. Infinite before any object is known: no object has evidence then.
     #[cfg_attr(feature = "serde", serde(with = "crate::association::statistics::infinite_as_null"))]
     pub volume: f64,
@@ -162,7 +162,7 @@ pub(crate) fn first_log_clutter_rate(boxes_per_frame: f64) -> f64 {
     (boxes_per_frame * FIRST_CLUTTER_SHARE).max(0.05).ln()
 }
 
-/// The volume of possible object centres; `None` without objects.
+/// The volume of possible object centers; `None` without objects.
 pub(crate) fn volume_of(observations: &Observations, objects: &[Object]) -> Option<f64> {
     if let [lone] = objects {
         // There is no distance between objects. The distance of the cameras is a length scale of the scene.

@@ -5,7 +5,7 @@ use nalgebra::{Matrix2, Matrix3, RowVector3, Vector2};
 use super::free_boxes::{Expected, Free, FreeBoxes, SQUARED_GATE};
 use super::rays::{LOG_RADIUS_SD, RAY_SD, Sphere};
 use super::scene_statistics::SceneStatistics;
-use crate::association::input::clutter::log_density_among_neighbours;
+use crate::association::input::clutter::log_density_among_neighbors;
 use crate::association::input::context::AssociationContext;
 use crate::association::input::observations::{Camera, Observations};
 use crate::association::statistics::LN_2PI;
@@ -44,7 +44,7 @@ impl<'a> SphereScorer<'a> {
         statistics: &'a SceneStatistics,
         used: &[bool],
     ) -> SphereScorer<'a> {
-        let density = log_density_among_neighbours(
+        let density = log_density_among_neighbors(
             (&observations.cameras, &observations.boxes),
             &observations.sizes,
             statistics.log_clutter_rate,
@@ -88,7 +88,7 @@ impl<'a> SphereScorer<'a> {
         (deviation.abs() <= 3.5).then_some(0.5 * deviation * deviation)
     }
 
-    /// Scores a sphere of a category in some frames; `covariance` is that of its centre, `rays` the number of boxes that
+    /// Scores a sphere of a category in some frames; `covariance` is that of its center, `rays` the number of boxes that
     /// it comes from.
     pub fn score(
         &self,

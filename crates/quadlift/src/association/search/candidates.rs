@@ -3,7 +3,7 @@
 //! In a crowd an object's outline overlaps hundreds of boxes, and the gain of nearly all of them is far below zero. The
 //! boxes of a frame are stored in a tree over their four edges. A bound on the gain (ours) decides about a whole node:
 //! with `f` the distance of a box's edge from the body in pixels times depth, `f` is zero at the predicted edge and its
-//! slope is at least `z - |B^T p|` (`z` the depth of the centre, `B` the root of the shape, `p` the camera's third
+//! slope is at least `z - |B^T p|` (`z` the depth of the center, `B` the root of the shape, `p` the camera's third
 //! row), so that an edge `d` pixels away has a residual of at least `(1 - q) d / sd`, `q = |B^T p| / z`. The standard
 //! deviation that the body's own uncertainty gives to the prediction changes by at most `kappa d`. From residuals and
 //! variances follow two lower bounds on the squared Mahalanobis distance `r^T S^-1 r`: `r_e^2 / S_ee` for any edge, and
@@ -208,7 +208,7 @@ impl Query {
             let row = SVector::from(derivatives(object, &normal, 1.0 / depth));
             (object.covariance * row).dot(&row).max(0.0).sqrt()
         });
-        // The derivatives by the centre turn with the plane's normal, those by the shape by 3 / sqrt(2) of that at most.
+        // The derivatives by the center turn with the plane's normal, those by the shape by 3 / sqrt(2) of that at most.
         let turn = object.radius / depth + 1.5 * std::f64::consts::SQRT_2 * thickness;
         let gain = log_rate_odds(object) + bonus;
         let [w, h] = prediction.size();

@@ -1,4 +1,4 @@
-//! Grows objects along a chain of neighbouring frames: each box goes to the object that predicts it; the remaining
+//! Grows objects along a chain of neighboring frames: each box goes to the object that predicts it; the remaining
 //! boxes form new objects in pairs.
 
 use std::collections::{HashSet, VecDeque};

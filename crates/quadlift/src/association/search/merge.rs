@@ -12,13 +12,13 @@ use crate::association::score::object::Object;
 use crate::association::score::scene_statistics::SceneStatistics;
 use crate::association::statistics::quantile;
 
-/// Objects are tried as one when their centres are nearer than this many times the sum of their radii.
+/// Objects are tried as one when their centers are nearer than this many times the sum of their radii.
 pub(crate) const NEAR: f64 = 1.2;
 
 /// Maximum fraction of the smaller object's frames in which both have a box.
 pub(crate) const SHARED_FRAMES: f64 = 0.5;
 
-/// Centres closer than this many semi-axes of each other's bodies count as duplicates,
+/// Centers closer than this many semi-axes of each other's bodies count as duplicates,
 pub(crate) const SAME_PLACE: f64 = 0.5;
 /// when the logarithms of the radii differ by less than this,
 pub(crate) const SAME_SIZE: f64 = 0.35;
@@ -107,7 +107,7 @@ pub(crate) fn drop_nested(
     objects.into_iter().zip(gone).filter(|(_, gone)| !gone).map(|(object, _)| object).collect()
 }
 
-/// How far a point is from the centre of a body, in its semi-axes.
+/// How far a point is from the center of a body, in its semi-axes.
 pub(crate) fn within(body: &Object, point: &Vector3<f64>) -> f64 {
     body.root.lu().solve(&(point - body.center)).map_or(f64::INFINITY, |x| x.norm())
 }

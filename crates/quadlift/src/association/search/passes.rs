@@ -69,13 +69,13 @@ pub(crate) fn search(
         }
     }
     steps.watch.finish();
-    (!steps.watch.is_cancelled()).then_some(best)
+    (!steps.watch.is_canceled()).then_some(best)
 }
 
 /// All passes from the objects of trusted ids on, the best of them.
 fn passes(context: &AssociationContext, state: &State, steps: &Steps) -> State {
     let pass = |mut from: State, order: Option<&[u32]>| {
-        if steps.watch.is_cancelled() {
+        if steps.watch.is_canceled() {
             return from;
         }
         from.objects = state.objects.clone();
@@ -117,10 +117,10 @@ impl<'a> Steps<'a> {
         Self { watch: Watch::new(observer, of_passes), per_round, of_passes }
     }
 
-    /// Counts steps; breaks if the observer has cancelled.
+    /// Counts steps; breaks if the observer has canceled.
     fn advance(&self, steps: usize) -> ControlFlow<()> {
         self.watch.advance(steps);
-        if self.watch.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if self.watch.is_canceled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
     /// What there is to do is done; the same comes once more.

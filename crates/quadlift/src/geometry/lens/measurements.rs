@@ -17,7 +17,7 @@ impl Camera {
         outline.iter().map(|point| self.undistort_point(point)).collect()
     }
 
-    /// The ellipse that has the centre and the second moments of the undistorted outline (of 32 of its points). Where
+    /// The ellipse that has the center and the second moments of the undistorted outline (of 32 of its points). Where
     /// the lens is affine over the ellipse this is exact. `None` when a point of the outline cannot be undistorted.
     pub fn undistort_ellipse(&self, ellipse: &Ellipse) -> Option<Ellipse> {
         if self.is_pinhole() {
@@ -71,7 +71,7 @@ fn box_around(points: &[Vector2<f64>]) -> Option<BoundingBox> {
 }
 
 /// Smallest and largest coordinate of a closed smooth curve through equally spaced points: the extreme of the parabola
-/// through the extreme point and its neighbours.
+/// through the extreme point and its neighbors.
 fn extent(points: &[Vector2<f64>], axis: usize) -> (f64, f64) {
     let n = points.len();
     let extreme = |sign: f64| {
@@ -85,7 +85,7 @@ fn extent(points: &[Vector2<f64>], axis: usize) -> (f64, f64) {
     (extreme(-1.0), extreme(1.0))
 }
 
-/// The ellipse with the centre of area and the second moments of a polygon whose corners are equally spaced on an
+/// The ellipse with the center of area and the second moments of a polygon whose corners are equally spaced on an
 /// ellipse, as far as it is one; for a polygon of an exact ellipse it is that ellipse.
 pub(super) fn ellipse_of_polygon(points: &[Vector2<f64>]) -> Option<Ellipse> {
     let n = points.len();

@@ -19,7 +19,7 @@ use super::streaming_qr::{Row, StreamingQr};
 use crate::geometry::linalg::cholesky;
 use crate::geometry::{VECH3, VECH4};
 
-/// Views whose equations go into the QR factorisation at once.
+/// Views whose equations go into the QR factorization at once.
 const BLOCK: usize = 8;
 
 /// Maximum number of Newton steps on theta; 2 to 8 are typical.
@@ -31,7 +31,7 @@ const MAX_ITERATIONS: usize = 60;
 /// arc of 30 arc seconds and for a world whose origin is 5000 camera distances away.
 pub(crate) const PIXEL_ROUNDING: f64 = 1e-13;
 
-/// The same where images are centred on the object and scaled to it: there the rounding errors of the cameras' last
+/// The same where images are centered on the object and scaled to it: there the rounding errors of the cameras' last
 /// digits show.
 ///
 /// Measured: at most 2e-13 for degenerate views near the world's origin and 7e-12 where that is 500 camera distances
@@ -48,9 +48,9 @@ pub(crate) struct Arrowhead {
     norms: Vec<f64>,
 }
 
-/// A minimiser of `|M w|`.
+/// A minimizer of `|M w|`.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Minimiser {
+pub(crate) struct Minimizer {
     /// `vech Q*`.
     pub(crate) v: Row,
     /// One scale for each view.
@@ -92,7 +92,7 @@ impl Arrowhead {
     ///
     /// Either two different quadrics satisfy the equations without betas: their second smallest singular value
     /// vanishes (all cameras at one point). Or the best quadric projects to nothing, all betas vanish: the pair of
-    /// the two camera centres, where there are only two.
+    /// the two camera centers, where there are only two.
     ///
     /// Both are compared with `rounding` after the columns were scaled to unit length, which takes out the unit of
     /// the world. See [`PIXEL_ROUNDING`] and [`CONDITIONED_ROUNDING`].
@@ -113,8 +113,8 @@ impl Arrowhead {
         self.couplings.iter().all(|n| dot(n, &v).abs() < rounding * size(n))
     }
 
-    /// The minimiser with `|w| = 1`; `None` when it has no quadric (v = 0) or a number is not finite.
-    pub(crate) fn minimise_unit_w(&self) -> Option<Minimiser> {
+    /// The minimizer with `|w| = 1`; `None` when it has no quadric (v = 0) or a number is not finite.
+    pub(crate) fn minimize_unit_w(&self) -> Option<Minimizer> {
         // A view with n_f = 0 has no part in the eigenproblem: its beta is 0, or all of w. The latter would leave v =
         // 0, which is rejected at the end.
         let squared = |f: usize| self.norms[f] * self.norms[f];
@@ -156,7 +156,7 @@ impl Arrowhead {
             return None;
         }
         v.iter_mut().chain(&mut betas).for_each(|x| *x /= norm);
-        Some(Minimiser { v, betas, residual: theta.sqrt(), iterations })
+        Some(Minimizer { v, betas, residual: theta.sqrt(), iterations })
     }
 
     /// The betas that fit a given v best: `n_f.v / d_f`.
@@ -295,7 +295,7 @@ mod tests {
         Arrowhead { qr, couplings, norms: (0..count).map(|f| 1.5 + 0.1 * f as f64).collect() }
     }
 
-    fn dense_minimiser(system: &Arrowhead) -> (Vec<f64>, f64) {
+    fn dense_minimizer(system: &Arrowhead) -> (Vec<f64>, f64) {
         let count = system.norms.len();
         let m =
             nalgebra::DMatrix::from_fn(10 + count, 10 + count, |i, j| match (i.checked_sub(10), j.checked_sub(10)) {
@@ -309,8 +309,8 @@ mod tests {
     }
 
     fn assert_same(system: &Arrowhead) {
-        let (w, sigma) = dense_minimiser(system);
-        let found = system.minimise_unit_w().unwrap();
+        let (w, sigma) = dense_minimizer(system);
+        let found = system.minimize_unit_w().unwrap();
         assert!((found.residual - sigma).abs() < 1e-13, "{} {sigma}", found.residual);
         // Ten or so are bisections, where the root lies within a thousandth of the pole d_f^2.
         assert!(found.iterations <= 20, "{}", found.iterations);
@@ -334,14 +334,14 @@ mod tests {
     #[test]
     fn a_view_without_coupling_is_left_out() {
         let mut system = random_system(9, 0.3, 8);
-        let sigma = dense_minimiser(&system).1;
-        // Its own singular value above the others': its beta is zero. Below: it is the whole minimiser.
+        let sigma = dense_minimizer(&system).1;
+        // Its own singular value above the others': its beta is zero. Below: it is the whole minimizer.
         system.couplings[2] = [0.0; 10];
         system.norms[2] = 1.2 * sigma;
         assert_same(&system);
-        assert_eq!(system.minimise_unit_w().unwrap().betas[2], 0.0);
+        assert_eq!(system.minimize_unit_w().unwrap().betas[2], 0.0);
         system.norms[2] = 0.5 * sigma;
-        assert_eq!(system.minimise_unit_w(), None);
+        assert_eq!(system.minimize_unit_w(), None);
     }
 
     #[test]

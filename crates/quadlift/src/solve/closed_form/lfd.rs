@@ -1,10 +1,10 @@
-//! The conditioned closed form: *3D Object Localisation from Multi-view Image Detections* (LfD, TPAMI 2017).
+//! The conditioned closed form: *3D Object Localization from Multi-view Image Detections* (LfD, TPAMI 2017).
 //!
-//! The same equations as in [`super::pfd`], in well-scaled coordinates: the centre of each ellipse becomes the image
+//! The same equations as in [`super::pfd`], in well-scaled coordinates: the center of each ellipse becomes the image
 //! origin and `sqrt(l1^2 + l2^2)` its unit, and the world's origin moves to the object.
 //!
 //! LfD solves in the world frame first and moves the origin to that estimate. Here the first pass already has an
-//! object frame (ours): the origin at the triangulated centre and the mean depth as the unit, so that the result
+//! object frame (ours): the origin at the triangulated center and the mean depth as the unit, so that the result
 //! does not depend on the frame in which the cameras are given. In our measurements (the published noises, box noise 0.1,
 //! narrow arcs, 4 to 20 views) units between a third of the object's radius and the depth agree to three digits;
 //! on real boxes, units below the radius are worse, and the depth, which makes the betas about one, is far from that.
@@ -16,13 +16,13 @@ use super::pfd::{ClosedFormError, FEWEST_VIEWS};
 use crate::geometry::{DualQuadric, Ellipse, Ellipsoid, EllipsoidError, Projection, vech3};
 use crate::solve::triangulate::triangulate;
 
-/// Passes: the second one has its origin at the centre that the first one found.
+/// Passes: the second one has its origin at the center that the first one found.
 const PASSES: usize = 2;
 
-/// A quadric by its centre and shape. Far from the world's origin these keep the digits that `Q*` loses.
+/// A quadric by its center and shape. Far from the world's origin these keep the digits that `Q*` loses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConditionedSolution {
-    /// The centre in the world.
+    /// The center in the world.
     pub center: Point3<f64>,
     /// The shape matrix `A` (3x3, squared world units); it need not be positive definite.
     pub shape: Matrix3<f64>,
@@ -32,7 +32,7 @@ impl ConditionedSolution {
     /// The ellipsoid, if the quadric is one; nothing is repaired.
     ///
     /// # Errors
-    /// [`EllipsoidError::NotAnEllipsoid`] carries the centre.
+    /// [`EllipsoidError::NotAnEllipsoid`] carries the center.
     pub fn to_ellipsoid(&self) -> Result<Ellipsoid, EllipsoidError> {
         Ellipsoid::from_shape(self.center, &self.shape)
     }
@@ -76,7 +76,7 @@ pub fn lfd_from(
     Ok(solution)
 }
 
-/// The minimiser in the frame with the given origin and unit.
+/// The minimizer in the frame with the given origin and unit.
 fn one_pass(
     observations: &[(Projection, Ellipse)],
     origin: &Point3<f64>,
@@ -90,13 +90,13 @@ fn one_pass(
     if system.is_degenerate(CONDITIONED_ROUNDING) {
         return Err(ClosedFormError::Degenerate);
     }
-    let minimiser = system.minimise_unit_w().ok_or(ClosedFormError::Degenerate)?;
-    let quadric = DualQuadric::from_vech(&SVector::from(minimiser.v));
+    let minimizer = system.minimize_unit_w().ok_or(ClosedFormError::Degenerate)?;
+    let quadric = DualQuadric::from_vech(&SVector::from(minimizer.v));
     let (center, shape) = quadric.center_and_shape().ok_or(ClosedFormError::Degenerate)?;
     Ok(ConditionedSolution { center: origin + center.coords * unit, shape: shape * (unit * unit) })
 }
 
-/// The projection from the frame with the given origin and unit to the image in which the ellipse is centred and of
+/// The projection from the frame with the given origin and unit to the image in which the ellipse is centered and of
 /// size one. The scale is such that depths are in units of `unit`, whatever the scale of the given matrix.
 fn conditioned(
     projection: &Projection,

@@ -1,4 +1,4 @@
-//! The closed forms and the paper's regularised estimator as estimators of one object: status, residuals, warnings.
+//! The closed forms and the paper's regularized estimator as estimators of one object: status, residuals, warnings.
 
 pub(crate) mod arrowhead;
 pub(crate) mod lfd;
@@ -18,7 +18,7 @@ use super::report::{describe, describe_center};
 use crate::geometry::{Body, Ellipse, Ellipsoid, EllipsoidError, Projection};
 use crate::scene::ObjectViews;
 
-/// Solves for one object with a closed form or the paper's regularised estimator. [`Method::Map`] needs all objects of
+/// Solves for one object with a closed form or the paper's regularized estimator. [`Method::Map`] needs all objects of
 /// a scene, see [`super::map`]; here it gives the result of `planes`.
 pub(crate) fn solve_closed_form(object: &ObjectViews, method: &Method, enclosing_quantile: f64) -> Estimate {
     let blank = |status| Estimate::failed(object.object_index, object.category_index, status);

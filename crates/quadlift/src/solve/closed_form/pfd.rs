@@ -1,13 +1,13 @@
 //! The closed form of *3D Pose from Detections* (Rubino et al., ICCV 2015, section 3), exactly and in O(F).
 //!
-//! Minimises `|M w|` over `w = (v, beta_1 .. beta_F)`: view f says `G_f v = beta_f vech C*_f`, with conics scaled to
+//! Minimizes `|M w|` over `w = (v, beta_1 .. beta_F)`: view f says `G_f v = beta_f vech C*_f`, with conics scaled to
 //! `C*_33 = -1`, raw pixel coordinates and unscaled projections, as the paper does. The paper computes the last
 //! singular vector of M (6F x (10 + F)) with a dense decomposition in O(F^3); [`pfd`] finds the same vector by
 //! eliminating the betas (see the module `arrowhead`; docs/method.md, section 4.2).
 
 use nalgebra::SVector;
 
-use super::arrowhead::{Arrowhead, Minimiser, PIXEL_ROUNDING};
+use super::arrowhead::{Arrowhead, Minimizer, PIXEL_ROUNDING};
 use crate::geometry::{DualQuadric, Ellipse, Projection, vech3};
 
 /// Minimum number of views for a unique solution.
@@ -44,7 +44,7 @@ pub struct PfdSolution {
     pub iterations: usize,
 }
 
-/// The paper's closed form: the minimiser of `|M w|` with `|w| = 1` (PfD section 3), in O(F) time and memory.
+/// The paper's closed form: the minimizer of `|M w|` with `|w| = 1` (PfD section 3), in O(F) time and memory.
 ///
 /// Projections map world points to pixels, ellipses are in pixels. At least three views are needed.
 ///
@@ -58,8 +58,8 @@ pub fn pfd(observations: &[(Projection, Ellipse)]) -> Result<PfdSolution, Closed
     if system.is_degenerate(PIXEL_ROUNDING) {
         return Err(ClosedFormError::Degenerate);
     }
-    let Minimiser { v, mut betas, residual, iterations } =
-        system.minimise_unit_w().ok_or(ClosedFormError::Degenerate)?;
+    let Minimizer { v, mut betas, residual, iterations } =
+        system.minimize_unit_w().ok_or(ClosedFormError::Degenerate)?;
     let mut v = SVector::from(v);
     if !v.iter().chain(&betas).all(|x| x.is_finite()) {
         return Err(ClosedFormError::Degenerate);

@@ -13,7 +13,7 @@ use crate::scene::{BORDER_TOLERANCE_PX, View, edges_at_border};
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::estimate::Status;
 
-/// Number of rows per update of the factorisation.
+/// Number of rows per update of the factorization.
 const ROWS_PER_BLOCK: usize = 40;
 
 /// A pivot smaller than this share of the largest one is zero: the planes do not determine a quadric.

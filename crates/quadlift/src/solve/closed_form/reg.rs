@@ -1,4 +1,4 @@
-//! The regularised estimator of *3D Pose from Detections* (PfD section 4.1): the closed form's cost plus the distance
+//! The regularized estimator of *3D Pose from Detections* (PfD section 4.1): the closed form's cost plus the distance
 //! of the dual quadric from a sphere that is estimated with it.
 //!
 //! `min |M w|^2 + lambda |v - vech S*(t, a, b)|^2` over `v` with `v_10 = -1`, the betas and the sphere
@@ -27,7 +27,7 @@ type Sphere = SVector<f64, 5>;
 type Residuals = SVector<f64, 11>;
 type Jacobian = SMatrix<f64, 11, 5>;
 
-/// A solution of the regularised problem.
+/// A solution of the regularized problem.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RegSolution {
     /// The dual quadric with `Q*_44 = -1`; it need not be an ellipsoid.
@@ -40,10 +40,10 @@ pub struct RegSolution {
     pub iterations: usize,
 }
 
-/// The paper's regularised estimator (PfD section 4.1), from two views upwards.
+/// The paper's regularized estimator (PfD section 4.1), from two views upwards.
 ///
-/// Starts, as the paper does, from the sphere with the centre and the volume of the closed form's quadric. Where
-/// the views do not determine that (two views: the best quadric is the pair of camera centres, and the iteration
+/// Starts, as the paper does, from the sphere with the center and the volume of the closed form's quadric. Where
+/// the views do not determine that (two views: the best quadric is the pair of camera centers, and the iteration
 /// would end near it), it starts from the triangulated sphere.
 ///
 /// Projections map world points to pixels, ellipses are in pixels. The result depends on the world's unit and
@@ -60,12 +60,12 @@ pub fn reg(observations: &[(Projection, Ellipse)], options: &RegOptions) -> Resu
     let (center, squared_radius) =
         closed_form_sphere(&system).or_else(|| triangulated_sphere(observations)).ok_or(ClosedFormError::Degenerate)?;
     let start = center.coords.push(squared_radius.ln()).push(0.0);
-    let (x, cost, iterations) = problem.minimise(start).ok_or(ClosedFormError::Degenerate)?;
+    let (x, cost, iterations) = problem.minimize(start).ok_or(ClosedFormError::Degenerate)?;
     let v = problem.quadric(&x).ok_or(ClosedFormError::Degenerate)?;
     Ok(RegSolution { dual_quadric: DualQuadric::from_vech(&v), betas: system.best_betas(&v.into()), cost, iterations })
 }
 
-/// Centre and squared radius of the sphere with the centre and the volume of the closed form's quadric.
+/// Center and squared radius of the sphere with the center and the volume of the closed form's quadric.
 ///
 /// The paper's `a = |e1 e2 e3|^(-1/3)` with the eigenvalues `e_i = -det(Q_33)/det(Q) eig(Q_33)` of the scaled primal
 /// quadric (section 4.5 corrects the fraction) is `|det A|^(1/3)`, because those are the eigenvalues of `A^-1`. The modulus
@@ -74,12 +74,12 @@ fn closed_form_sphere(system: &Arrowhead) -> Option<(Point3<f64>, f64)> {
     if system.is_degenerate(PIXEL_ROUNDING) {
         return None;
     }
-    let v = SVector::from(system.minimise_unit_w()?.v);
+    let v = SVector::from(system.minimize_unit_w()?.v);
     let (center, shape) = DualQuadric::from_vech(&v).center_and_shape()?;
     Some((center, shape.determinant().abs().cbrt())).filter(|(_, a)| a.is_finite() && *a > 0.0)
 }
 
-/// Centre and squared radius of the triangulated sphere.
+/// Center and squared radius of the triangulated sphere.
 fn triangulated_sphere(observations: &[(Projection, Ellipse)]) -> Option<(Point3<f64>, f64)> {
     let centers: Vec<_> = observations.iter().map(|(projection, ellipse)| (*projection, ellipse.center)).collect();
     let center = triangulate(&centers)?;
@@ -165,7 +165,7 @@ impl Problem {
     }
 
     /// Levenberg-Marquardt; `None` when the start is not finite.
-    fn minimise(&self, start: Sphere) -> Option<(Sphere, f64, usize)> {
+    fn minimize(&self, start: Sphere) -> Option<(Sphere, f64, usize)> {
         let mut x = start;
         let mut residuals = self.residuals(&x);
         let mut cost = residuals.norm_squared();
@@ -203,7 +203,7 @@ impl Problem {
     }
 }
 
-/// The minimiser of `|J s + r|^2 + damping |s|^2`, by QR.
+/// The minimizer of `|J s + r|^2 + damping |s|^2`, by QR.
 fn damped_step(jacobian: &Jacobian, residuals: &Residuals, damping: f64) -> Option<Sphere> {
     let mut stacked = SMatrix::<f64, 16, 5>::zeros();
     stacked.fixed_rows_mut::<11>(0).copy_from(jacobian);

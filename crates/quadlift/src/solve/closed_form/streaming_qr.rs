@@ -1,4 +1,4 @@
-//! QR factorisation of a tall matrix with ten columns (one for each entry of `vech Q*`) whose rows arrive a few at a
+//! QR factorization of a tall matrix with ten columns (one for each entry of `vech Q*`) whose rows arrive a few at a
 //! time.
 //!
 //! Only the triangular factor is kept, so that any number of views needs constant memory. The matrix is never

@@ -17,7 +17,7 @@ pub(crate) struct MapContext<'a> {
     pub categories: &'a [String],
     /// World direction against gravity.
     pub up: Option<Unit<Vector3<f64>>>,
-    /// Centres of all cameras, for the ground plane.
+    /// Centers of all cameras, for the ground plane.
     pub cameras: Vec<Point3<f64>>,
     /// Which motion corrects the pose of which camera.
     pub pose_unknowns: Arc<PoseUnknowns>,

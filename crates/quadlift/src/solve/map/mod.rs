@@ -2,7 +2,7 @@
 //!
 //! All objects of a scene are estimated together, because they share noise levels: each kind of measurement error has a
 //! standard deviation, estimated from the residuals of the whole scene ([`noise`]). The problem of one object has nine parameters.
-//! Levenberg-Marquardt ([`crate::optimize`]) minimises the residuals of tangent planes and ellipses ([`residuals`]) and the
+//! Levenberg-Marquardt ([`crate::optimize`]) minimizes the residuals of tangent planes and ellipses ([`residuals`]) and the
 //! priors ([`object::objective`]).
 //!
 //! Rounds ([`scene::scene_fit`]): fit every object from its starts with default noise levels; search for outliers if the residuals
@@ -105,8 +105,8 @@ pub(crate) fn map(
         _ => body_kinds.of_all().unwrap_or_else(|| scene.kind_of_other(views_of(index), &body_kinds, context)),
     };
     let estimates = map_indices(count, |index| {
-        if context.watch.is_cancelled() {
-            return Estimate::cancelled();
+        if context.watch.is_canceled() {
+            return Estimate::canceled();
         }
         let estimate = if index % stride == 0 && index / stride < scene.len() {
             scene.estimate(index / stride, context)

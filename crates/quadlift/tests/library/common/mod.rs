@@ -24,7 +24,7 @@ pub fn camera(center: &Vector3<f64>, target: &Vector3<f64>) -> Projection {
     Projection::from_camera(&intrinsics, &CamFromWorld::new(pose).unwrap())
 }
 
-/// Camera centres at distance 200 from the origin, on the arc of the paper's synthetic set-up, `span` times as long.
+/// Camera centers at distance 200 from the origin, on the arc of the paper's synthetic set-up, `span` times as long.
 pub fn arc(count: usize, span: f64) -> Vec<Vector3<f64>> {
     let point = |f: usize| {
         let s = span * f as f64 / (count - 1) as f64;
@@ -46,7 +46,7 @@ pub fn random_ellipsoid(rng: &mut ChaCha8Rng) -> Ellipsoid {
     }
 }
 
-/// The outline of an ellipsoid with its centre moved by up to `noise` of the mean semi-axis, its size by the factor
+/// The outline of an ellipsoid with its center moved by up to `noise` of the mean semi-axis, its size by the factor
 /// `1 +- noise`.
 pub fn observe(projection: Projection, body: &Ellipsoid, noise: f64, rng: &mut ChaCha8Rng) -> (Projection, Ellipse) {
     let ellipse = project_ellipsoid(&projection, body).unwrap();
@@ -64,11 +64,11 @@ pub fn scene(count: usize, noise: f64, seed: u64) -> (Views, Ellipsoid) {
     (arc(count, 1.0).iter().map(see).collect(), body)
 }
 
-/// The same observations in well-scaled coordinates: each ellipse becomes the unit circle, the object has the centre
+/// The same observations in well-scaled coordinates: each ellipse becomes the unit circle, the object has the center
 /// `t` (nearly) and the radius 1, its depth is 1.
-pub fn normalised(views: &Views, t: &Vector3<f64>, radius: f64) -> Views {
+pub fn normalized(views: &Views, t: &Vector3<f64>, radius: f64) -> Views {
     let circle = Ellipse::new(Vector2::zeros(), Vector2::repeat(1.0), 0.0).unwrap();
-    let normalise = |(projection, ellipse): &(Projection, Ellipse)| {
+    let normalize = |(projection, ellipse): &(Projection, Ellipse)| {
         let inverse = ellipse.shape().cholesky().unwrap().l().try_inverse().unwrap();
         let mut h = Matrix3::identity();
         h.fixed_view_mut::<2, 2>(0, 0).copy_from(&inverse);
@@ -82,7 +82,7 @@ pub fn normalised(views: &Views, t: &Vector3<f64>, radius: f64) -> Views {
         }
         (Projection::from_matrix(p / p[(2, 3)]).unwrap(), circle)
     };
-    views.iter().map(normalise).collect()
+    views.iter().map(normalize).collect()
 }
 
 /// The lower triangle of a symmetric matrix, by columns.

@@ -3,7 +3,7 @@
 //! The normal equations of a fit model the noise of single measurements, which averages out over many views. Other
 //! errors do not: bodies are not exactly of their kind, detectors misplace the same edge of an object in the same way,
 //! and poses drift. All of these correlate the errors of measurements from similar directions. The error of an edge is
-//! therefore modelled as noise plus a random field on the sphere of directions (the normal of the edge's tangent plane,
+//! therefore modeled as noise plus a random field on the sphere of directions (the normal of the edge's tangent plane,
 //! in the world),
 //!
 //! `e_i = noise_i + reach_i f(u_i)`,  `cov(f(u), f(v)) = s^2 / (1 + |u - v| / L)`,

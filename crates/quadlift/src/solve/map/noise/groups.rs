@@ -10,7 +10,7 @@ pub(crate) enum NoiseGroup {
     Edge,
     /// Edge of a box that is probably hidden by another box.
     HiddenEdge,
-    /// Centre of an ellipse, relative to its mean semi-axis.
+    /// Center of an ellipse, relative to its mean semi-axis.
     EllipseCenter,
     /// Logarithm of the mean semi-axis of an ellipse.
     EllipseSize,
@@ -26,7 +26,7 @@ pub(crate) enum NoiseGroup {
     Depth,
     /// Logarithm of the distance of a 3D box.
     BoxDistance,
-    /// Direction of the centre of a 3D box, each way, radians.
+    /// Direction of the center of a 3D box, each way, radians.
     BoxDirection,
     /// Logarithm of an extent of a 3D box.
     BoxSize,

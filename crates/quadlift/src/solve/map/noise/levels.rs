@@ -150,7 +150,7 @@ impl NoiseLevels {
 
     /// Weight of a residual among those of `views` views: errors that persist from view to view are not better
     /// determined by many views (section 5.4). `(1 - c) / (1 + c)` is the fraction of independent views in a long sequence with
-    /// the correlation c between neighbours.
+    /// the correlation c between neighbors.
     pub(crate) fn weights(&self, views: usize) -> Weights {
         Weights(self.correlation.map(|c| ((1.0 - c) / (1.0 + c)).max(1.0 / views.max(1) as f64)))
     }
@@ -163,7 +163,7 @@ impl NoiseLevels {
             let level = if dof > 0.0 { self.sd[g] * (statistics.squares[g] / dof).sqrt() } else { DEFAULTS[g] };
             (level.max(NOISE_FLOOR.get()), dof)
         };
-        // Correlated neighbouring views carry less information.
+        // Correlated neighboring views carry less information.
         let counted = |groups: &[NoiseGroup]| {
             let c = self.correlation[groups[0].correlated_with()];
             let independent = (1.0 - c) / (1.0 + c);
@@ -194,7 +194,7 @@ impl NoiseLevels {
         }
         // What remains of exact data is the pull of the priors, which says nothing about measurements.
         let exact = sd[NoiseGroup::Edge as usize] < 2.0 * NOISE_FLOOR.get();
-        let correlation = statistics.neighbours.map(|[sum, pairs]| {
+        let correlation = statistics.neighbors.map(|[sum, pairs]| {
             let told = pairs > ENOUGH_PAIRS && !exact;
             if told { (sum / pairs).clamp(0.0, LARGEST_CORRELATION) } else { 0.0 }
         });
@@ -298,9 +298,9 @@ mod tests {
         for group in NoiseGroup::ALL {
             (0..100).for_each(|_| statistics.add(group, 0.3, 1.0, 1.0));
         }
-        statistics.add_neighbours(0, 0.5, 100);
-        statistics.add_neighbours(1, 0.25, 100);
-        statistics.add_neighbours(2, 0.125, 100);
+        statistics.add_neighbors(0, 0.5, 100);
+        statistics.add_neighbors(1, 0.25, 100);
+        statistics.add_neighbors(2, 0.125, 100);
         let levels = NoiseLevels::new(50.0).updated(&statistics);
         let report = levels.report(&statistics);
         let given = NoiseLevels::given(&Sigmas::new(report.iter().copied()).unwrap(), 67.0);
@@ -317,8 +317,8 @@ mod tests {
     #[test]
     fn correlated_views_count_less_but_never_less_than_one() {
         let mut statistics = NoiseStatistics::default();
-        statistics.add_neighbours(0, 0.7, 50);
-        statistics.add_neighbours(0, 0.9, 50);
+        statistics.add_neighbors(0, 0.7, 50);
+        statistics.add_neighbors(0, 0.9, 50);
         let updated = NoiseLevels::new(67.0).updated(&statistics);
         assert!((updated.correlation[0] - 0.8).abs() < 1e-12 && updated.correlation[1] == 0.0);
         assert!((updated.weights(100).of(NoiseGroup::Edge) - 1.0 / 9.0).abs() < 1e-12);

@@ -9,7 +9,7 @@ pub(crate) struct NoiseStatistics {
     pub(super) dof: [f64; GROUPS],
     /// Correlation of residuals in views that follow each other, times the number of pairs; that number. Of edges, of
     /// ellipses, of cues.
-    pub(super) neighbours: [[f64; 2]; CORRELATIONS],
+    pub(super) neighbors: [[f64; 2]; CORRELATIONS],
     /// Parameters that the measurements determine, and parameters.
     determined: [f64; 2],
     /// Sum over the objects of one over the number of views, and their number.
@@ -26,8 +26,8 @@ impl NoiseStatistics {
 
     /// Adds an object's correlation between its residuals in views that follow each other, of edges, of ellipses or of
     /// cues ([`NoiseGroup::correlated_with`]), over `pairs` of them.
-    pub(crate) fn add_neighbours(&mut self, group: usize, correlation: f64, pairs: usize) {
-        let [sum, number] = &mut self.neighbours[group];
+    pub(crate) fn add_neighbors(&mut self, group: usize, correlation: f64, pairs: usize) {
+        let [sum, number] = &mut self.neighbors[group];
         *sum += correlation * pairs as f64;
         *number += pairs as f64;
     }
@@ -52,8 +52,8 @@ impl NoiseStatistics {
     }
 
     /// The correlation of edges in views that follow each other, times the number of pairs, and that number.
-    pub(crate) fn neighbours_of_edges(&self) -> [f64; 2] {
-        self.neighbours[0]
+    pub(crate) fn neighbors_of_edges(&self) -> [f64; 2] {
+        self.neighbors[0]
     }
 
     /// Number of views of an object: the harmonic mean, so that one object of many views among others of few counts little.
@@ -73,7 +73,7 @@ impl NoiseStatistics {
             self.dof[g] += other.dof[g];
         }
         for k in 0..2 {
-            self.neighbours.iter_mut().zip(&other.neighbours).for_each(|(sum, more)| sum[k] += more[k]);
+            self.neighbors.iter_mut().zip(&other.neighbors).for_each(|(sum, more)| sum[k] += more[k]);
             self.determined[k] += other.determined[k];
             self.inverse_views[k] += other.inverse_views[k];
         }

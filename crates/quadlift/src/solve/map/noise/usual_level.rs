@@ -7,7 +7,7 @@ use crate::tuning::USUAL_SPREAD;
 /// computed, and the typical level of detectors does not apply.
 const COMPUTED: f64 = 2e-3;
 
-/// Minimum degrees of freedom to recognise computed boxes: with 3, detected ones fit as well once in 100,000 scenes.
+/// Minimum degrees of freedom to recognize computed boxes: with 3, detected ones fit as well once in 100,000 scenes.
 const ENOUGH_TO_SEE: f64 = 3.0;
 
 /// Steps of the grid search for the most probable level.

@@ -14,7 +14,7 @@ use super::fit::{Fit, POLISH};
 use super::model::Model;
 use crate::body_model::BodyModel;
 use crate::geometry::{Body, ConvexBody, rotation_vector};
-use crate::optimize::levenberg_marquardt::minimise;
+use crate::optimize::levenberg_marquardt::minimize;
 use crate::optimize::normal_equations::NormalEquations;
 use crate::solve::estimate::{Alternative, Covariance, CovarianceCoordinates, Estimate, Warning};
 use crate::solve::map::context::MapContext;
@@ -80,7 +80,7 @@ impl Fit {
     /// Other minima that are not much less probable than the fit, the most probable first.
     fn alternatives(&self, body: &Body, noise: &NoiseLevels) -> Vec<(Alternative, Other)> {
         let objective = self.objective(noise, self.outlier_scale);
-        let descend = |start: Model, stop| minimise(start, stop, |body| objective.linearise(body), BodyModel::retract);
+        let descend = |start: Model, stop| minimize(start, stop, |body| objective.linearize(body), BodyModel::retract);
         let Some((_, best)) = descend(self.body.clone(), POLISH) else { return Vec::new() };
         let frame = &self.problem.measurements.frame;
         let evidence = |end: &NormalEquations| Some(-0.5 * (end.cost + log_determinant_of(end)?));
@@ -136,7 +136,7 @@ fn add_spread(covariance: &mut Covariance, body: &Body, others: &[Alternative]) 
     }
 }
 
-/// From one body to another in the coordinates of the covariance: centre, rotation vector, logarithms of the semi-axes.
+/// From one body to another in the coordinates of the covariance: center, rotation vector, logarithms of the semi-axes.
 /// Of the 24 ways to name the axes of the other body the one with the smallest rotation.
 fn difference(from: &Body, to: &Body) -> nalgebra::SVector<f64, 9> {
     let (from_axes, from_sizes) = axes_of(from);

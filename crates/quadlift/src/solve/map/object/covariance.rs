@@ -8,8 +8,8 @@ use crate::solve::conditioning::ObjectFrame;
 use crate::solve::estimate::{Covariance, CovarianceCoordinates, Matrix9};
 use nalgebra::{Matrix3, SMatrix};
 
-/// Derivatives of the ellipsoid's centre and `vech A`, in world units, by the parameters of the fit. In these coordinates
-/// the normalised estimation error is right even for narrow baselines; in logarithms of the shape it is ten times too
+/// Derivatives of the ellipsoid's center and `vech A`, in world units, by the parameters of the fit. In these coordinates
+/// the normalized estimation error is right even for narrow baselines; in logarithms of the shape it is ten times too
 /// confident.
 pub(crate) fn ellipsoid_in_world(model: &EllipsoidModel, frame: &ObjectFrame) -> Matrix9 {
     let mut map = Matrix9::zeros();
@@ -29,7 +29,7 @@ fn turn_of_shape(rotation: &Matrix3<f64>) -> SMatrix<f64, 6, 6> {
     SMatrix::from_columns(&columns)
 }
 
-/// The same of centre, rotation vector and log semi-axes; only the centre depends on the unit and the model's axes are
+/// The same of center, rotation vector and log semi-axes; only the center depends on the unit and the model's axes are
 /// those of the body.
 pub(crate) fn oriented_in_world(frame: &ObjectFrame) -> Matrix9 {
     let mut map = Matrix9::identity();
@@ -52,11 +52,11 @@ const ROTATION_PRECISION: f64 = 2.84;
 /// singular.
 pub(crate) fn log_determinant_of(equations: &NormalEquations) -> Option<f64> {
     // Twice the sum of the logarithms of Cholesky's diagonal.
-    cholesky(&regularised(equations)).map(|l| (0..PARAMETERS).map(|k| 2.0 * l[(k, k)].ln()).sum())
+    cholesky(&regularized(equations)).map(|l| (0..PARAMETERS).map(|k| 2.0 * l[(k, k)].ln()).sum())
 }
 
 /// The normal equations with a prior on the rotation.
-pub(crate) fn regularised(equations: &NormalEquations) -> SMatrix<f64, PARAMETERS, PARAMETERS> {
+pub(crate) fn regularized(equations: &NormalEquations) -> SMatrix<f64, PARAMETERS, PARAMETERS> {
     let mut hessian = equations.hessian();
     for k in 3..6 {
         hessian[(k, k)] += ROTATION_PRECISION;

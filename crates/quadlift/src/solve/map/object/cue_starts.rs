@@ -14,7 +14,7 @@ use crate::solve::triangulate::object_radius;
 /// Views whose 3D boxes are starts, evenly spread.
 const STARTS: usize = 3;
 
-/// The point where a view's cues have the centre of the object: that of its 3D box, or on the ray of its box at its depth.
+/// The point where a view's cues have the center of the object: that of its 3D box, or on the ray of its box at its depth.
 fn center_of(view: &View) -> Option<Point3<f64>> {
     let camera = view.projection.center_in_world()?;
     if let Some(center) = view.cues.box3d.and_then(|measured| measured.center) {

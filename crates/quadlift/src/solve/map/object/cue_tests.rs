@@ -20,7 +20,7 @@ fn frame() -> ObjectFrame {
     ObjectFrame { origin: Point3::new(0.1, 0.2, -0.1), unit: 0.8, axes: rotation(0.5, -0.2, 0.9) }
 }
 
-/// A view with a depth and the 3D box of a body with this centre (world), half extents and rotation, all of them scaled.
+/// A view with a depth and the 3D box of a body with this center (world), half extents and rotation, all of them scaled.
 fn view(center: Point3<f64>, half: Vector3<f64>, rotation: Matrix3<f64>, scale: f64) -> View {
     let projection = projection(0.4);
     let pose = projection.camera_pose().unwrap();
@@ -173,7 +173,7 @@ fn the_near_side_is_where_rays_meet_the_body() {
     let ray = Vector3::new(0.5, -0.3, 1.0).normalize();
     let [e1, e2] = crate::geometry::rotation::horizontal_basis(&ray);
     let local = axes.transpose();
-    // Depths below the centre at which parallel rays meet the body: inside(x) in units of the semi-axes.
+    // Depths below the center at which parallel rays meet the body: inside(x) in units of the semi-axes.
     let depths = |inside: &dyn Fn(Vector3<f64>) -> bool| -> Vec<f64> {
         let mut depths = Vec::new();
         for i in -60..=60 {

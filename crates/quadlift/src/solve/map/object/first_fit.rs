@@ -8,7 +8,7 @@ use super::starts::{centers_from_size, oriented_starts};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::body_model::oriented::{Form, OrientedModel};
-use crate::optimize::levenberg_marquardt::{Stop, minimise};
+use crate::optimize::levenberg_marquardt::{Stop, minimize};
 use crate::optimize::normal_equations::NormalEquations;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::options::BodyKind;
@@ -16,7 +16,7 @@ use crate::solve::options::BodyKind;
 /// Position and size for a start with a given rotation.
 const IN_PLACE: Stop = Stop { evaluations: 4, promised_decrease: 1.0 };
 
-/// Number of placed starts that are also optimised in rotation. With all 17 of a cuboid a first fit takes a third
+/// Number of placed starts that are also optimized in rotation. With all 17 of a cuboid a first fit takes a third
 /// longer and finds no better minima (300 synthetic cuboids, exact and with 2 % noise).
 pub(crate) const TURNED_STARTS: usize = 6;
 
@@ -49,7 +49,7 @@ impl ObjectProblem {
         let objective = self.objective(noise, outlier_scale);
         if !self.has_several_starts() {
             let body = Model::Ellipsoid(ellipsoid.clone());
-            return objective.linearise(&body).map(|equations| (body, equations));
+            return objective.linearize(&body).map(|equations| (body, equations));
         }
         best_of(&objective, self.screened(ellipsoid, noise, outlier_scale, round, turned))
     }
@@ -90,8 +90,8 @@ pub(crate) fn descended(
     if turned >= starts.len() {
         return turned_too(objective, starts.into_iter().map(Model::Oriented));
     }
-    let held = |body: &Model| objective.linearise(body).map(NormalEquations::with_held_rotation);
-    let in_place = |start| minimise(start, IN_PLACE, held, BodyModel::retract);
+    let held = |body: &Model| objective.linearize(body).map(NormalEquations::with_held_rotation);
+    let in_place = |start| minimize(start, IN_PLACE, held, BodyModel::retract);
     let mut placed: Vec<_> = starts.into_iter().map(Model::Oriented).filter_map(in_place).collect();
     placed.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
     placed.truncate(turned);
@@ -99,7 +99,7 @@ pub(crate) fn descended(
 }
 
 fn turned_too(objective: &Objective, starts: impl Iterator<Item = Model>) -> Vec<(Model, NormalEquations)> {
-    let descend = |start| minimise(start, SCREENING, |body| objective.linearise(body), BodyModel::retract);
+    let descend = |start| minimize(start, SCREENING, |body| objective.linearize(body), BodyModel::retract);
     let mut descended: Vec<_> = starts.filter_map(descend).collect();
     descended.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
     descended
@@ -110,7 +110,7 @@ pub(crate) fn best_of(
     objective: &Objective,
     descended: Vec<(Model, NormalEquations)>,
 ) -> Option<(Model, NormalEquations)> {
-    let follow = |(start, _)| minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract);
+    let follow = |(start, _)| minimize(start, FROM_START, |body| objective.linearize(body), BodyModel::retract);
     let followed = descended.into_iter().take(FOLLOWED_STARTS).filter_map(follow);
     followed.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
 }

@@ -15,7 +15,7 @@ use super::problem::{FROM_START, ObjectProblem};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::geometry::linalg::invert_spd;
-use crate::optimize::levenberg_marquardt::{End, Minimum, Stop, minimise, minimum};
+use crate::optimize::levenberg_marquardt::{End, Minimum, Stop, minimize, minimum};
 use crate::optimize::normal_equations::NormalEquations;
 use crate::scene::View;
 use crate::solve::estimate::{Covariance, Estimate, Matrix9, Misfit, Status, Warning};
@@ -143,7 +143,7 @@ impl Fit {
         });
     }
 
-    /// Distance of the centre from the nearest camera, world units.
+    /// Distance of the center from the nearest camera, world units.
     pub(crate) fn distance(&self) -> Option<f64> {
         let ObjectProblem { views, measurements, .. } = &*self.problem;
         let center = measurements.frame.point_in_world(self.body.center());
@@ -156,14 +156,14 @@ impl Fit {
         self.problem.prior.upright_weight > 0.0
     }
 
-    /// What the measurements tell about the cameras (rotation vector about its centre, shift; world axes and units); `None` where the normal
+    /// What the measurements tell about the cameras (rotation vector about its center, shift; world axes and units); `None` where the normal
     /// equations are singular. That the body is seen from another side when the camera turns is left out: it is small against where
     /// the body appears.
     pub(crate) fn pose_terms(&self, noise: &NoiseLevels) -> Option<ObjectPoseTerms> {
         let ObjectProblem { views, measurements, .. } = &*self.problem;
         let objective = self.objective(noise, self.outlier_scale);
         // Under these noise levels: what cameras and object share must be less than what each has.
-        let equations = objective.linearise(&self.body)?;
+        let equations = objective.linearize(&self.body)?;
         let covariance = invert_spd(&equations.hessian())?;
         let center = measurements.frame.point_in_world(self.body.center());
         let cameras: Vec<_> = views.views.iter().map(|view| view.projection.center_in_world()).collect();
@@ -229,7 +229,7 @@ impl Fit {
             let ellipsoid = self.problem.fit_ellipsoid(noise)?;
             let (body, _) = self.problem.started_at(&ellipsoid, noise, None, 0, TURNED_STARTS)?;
             let objective = self.objective(noise, None);
-            let (body, equations) = minimise(body, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
+            let (body, equations) = minimize(body, FROM_START, |body| objective.linearize(body), BodyModel::retract)?;
             (equations.cost < self.equations.cost).then(|| Self { ellipsoid, body, equations, ..self.clone() })
         };
         again().unwrap_or(self)
@@ -244,7 +244,7 @@ impl Fit {
             let again = |scale| {
                 let (body, _) = before.problem.started_at(&self.ellipsoid, noise, scale, 1 + round, ALL)?;
                 let objective = before.objective(noise, scale);
-                minimise(body, BETWEEN_ROUNDS, |body| objective.linearise(body), BodyModel::retract)
+                minimize(body, BETWEEN_ROUNDS, |body| objective.linearize(body), BodyModel::retract)
             };
             let restart = round < RESTARTED || self.problem.prior.log_size.is_some();
             if restart
@@ -289,7 +289,7 @@ impl Fit {
         let plain = fit.objective(noise, None);
         let scale = self.outlier_scale.map(|_| outlier_scale(plain.view_costs(&self.body), noise));
         let objective = Objective { outlier_scale: scale, ..plain };
-        match minimum(self.body.clone(), stop, |body| objective.linearise(body), BodyModel::retract) {
+        match minimum(self.body.clone(), stop, |body| objective.linearize(body), BodyModel::retract) {
             Some(Minimum { state: body, equations, end }) => {
                 let converged = !matches!(end, End::UsedUp { promised } if promised > LARGEST_PROMISE);
                 Self { body, equations, outlier_scale: scale, converged, ..fit }

@@ -43,7 +43,7 @@ fn ball_on_ground(up: Option<Unit<Vector3<f64>>>, test: impl Fn(&Fit, &NoiseLeve
     let problem = ObjectProblem::new(views, BodyKind::Ellipsoid, &context).unwrap();
     let body = EllipsoidModel::from_axes(Vector3::new(0.1, 0.05, -0.1), Matrix3::identity(), Vector3::repeat(0.9));
     let noise = NoiseLevels::new(67.0);
-    let equations = problem.objective(&noise, None).linearise(&body).unwrap();
+    let equations = problem.objective(&noise, None).linearize(&body).unwrap();
     let ellipsoid = body.clone();
     let (problem, body) = (Arc::new(problem), Model::Ellipsoid(body));
     let fit = Fit { problem, ellipsoid, body, equations, outlier_scale: None, ground: None, converged: true };

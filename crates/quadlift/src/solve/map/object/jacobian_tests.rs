@@ -94,11 +94,11 @@ fn check_rows_in_form<B: BodyModel>(m: &Measurements, body: &B, smooth: bool) {
 
 /// The gradient of an objective against differences of its cost, to this accuracy.
 fn check_gradient<B: BodyModel>(objective: &Objective, body: &B, accuracy: f64) {
-    let gradient = objective.linearise(body).unwrap().gradient() * 2.0;
+    let gradient = objective.linearize(body).unwrap().gradient() * 2.0;
     for k in 0..9 {
         let mut step = SVector::<f64, 9>::zeros();
         step[k] = STEP;
-        let cost = |step| objective.linearise(&body.retract(&step).unwrap()).unwrap().cost;
+        let cost = |step| objective.linearize(&body.retract(&step).unwrap()).unwrap().cost;
         let numeric = (cost(step) - cost(-step)) / (2.0 * STEP);
         assert!((numeric - gradient[k]).abs() < accuracy, "parameter {k}: {numeric} {}", gradient[k]);
     }
@@ -111,7 +111,7 @@ fn check_loss(m: &Measurements, body: &EllipsoidModel, noise: &NoiseLevels, outl
     let heavy_tails = true;
     let objective =
         Objective { measurements: m, prior: &prior, ground: None, noise, heavy_tails, outlier_scale, smooth: true };
-    let here = objective.linearise(body).unwrap();
+    let here = objective.linearize(body).unwrap();
     check_gradient(&objective, body, 1e-4 * (here.gradient().amax() + 1e-3 * here.cost));
 }
 
@@ -133,7 +133,7 @@ fn check_priors<B: BodyModel>(prior: &ObjectPrior, body: &B) {
         outlier_scale: None,
         smooth: false,
     };
-    let here = objective.linearise(body).unwrap();
+    let here = objective.linearize(body).unwrap();
     check_gradient(&objective, body, 1e-5 * (1.0 + here.cost));
 }
 
@@ -322,9 +322,9 @@ fn the_size_prior_of_an_ellipsoid_names_its_axes_by_up_and_length() {
         smooth: false,
     };
     let body = EllipsoidModel::from_axes(Vector3::zeros(), Matrix3::identity(), Vector3::new(1.0, 2.0, 0.5));
-    assert!(objective.linearise(&body).unwrap().cost < 1e-20);
+    assert!(objective.linearize(&body).unwrap().cost < 1e-20);
     let wrong = EllipsoidModel::from_axes(Vector3::zeros(), Matrix3::identity(), Vector3::new(0.5, 2.0, 1.0));
-    assert!(objective.linearise(&wrong).unwrap().cost > 10.0);
+    assert!(objective.linearize(&wrong).unwrap().cost > 10.0);
     check_priors(
         &prior,
         &EllipsoidModel::from_axes(Vector3::zeros(), rotation(0.1, 0.1, 0.3), Vector3::new(1.1, 2.1, 0.6)),

@@ -12,7 +12,7 @@ use super::problem::{FROM_START, ObjectProblem};
 use super::size_site::{ShapeInformation, SizeSite, Vector6, shape_precision};
 use crate::body_model::{BodyModel, descending};
 use crate::geometry::linalg::{cholesky, invert_spd};
-use crate::optimize::levenberg_marquardt::minimise;
+use crate::optimize::levenberg_marquardt::minimize;
 use crate::optimize::normal_equations::{NormalEquations, Row};
 use crate::optimize::student_t::StudentT;
 use crate::solve::estimate::Matrix9;
@@ -224,7 +224,7 @@ impl Fit {
         }
         let fit = Self { problem: Arc::new(problem), ..self.clone() };
         let objective = fit.objective(noise, self.outlier_scale);
-        let descend = |start: Model| minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract);
+        let descend = |start: Model| minimize(start, FROM_START, |body| objective.linearize(body), BodyModel::retract);
         let ends = starts.into_iter().filter_map(descend);
         let Some((body, equations)) = ends.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost)) else { return self.clone() };
         Self { body, equations, ..fit }

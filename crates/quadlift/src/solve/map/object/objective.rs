@@ -70,7 +70,7 @@ pub(crate) struct Objective<'a> {
 
 impl Objective<'_> {
     /// Cost and normal equations at a body; `None` when it is not finite.
-    pub(crate) fn linearise(&self, body: &impl BodyModel) -> Option<NormalEquations> {
+    pub(crate) fn linearize(&self, body: &impl BodyModel) -> Option<NormalEquations> {
         let mut equations = NormalEquations::zero();
         let mut rows = Vec::with_capacity(16);
         let weights = self.weights();
@@ -215,19 +215,19 @@ impl Objective<'_> {
         let covariance = invert_spd(&equations.hessian())?;
         let weights = self.weights();
         let mut rows = Vec::with_capacity(16);
-        let mut normaliser = 0.0;
+        let mut normalizer = 0.0;
         for view in 0..self.measurements.views.len() {
             view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
             let (_, view_weight) = self.view_loss(&rows, &weights);
             for row in rows.iter().filter(|row| row.counts) {
                 let weight = view_weight * weights.of(row.group);
-                normaliser += weight * self.noise.of(row.group).ln();
+                normalizer += weight * self.noise.of(row.group).ln();
             }
         }
         self.each_cue(body, |_, rows, _, _| {
-            normaliser += rows.iter().map(|row| weights.of(row.group) * self.noise.of(row.group).ln()).sum::<f64>();
+            normalizer += rows.iter().map(|row| weights.of(row.group) * self.noise.of(row.group).ln()).sum::<f64>();
         });
-        Some(0.5 * (covariance.determinant().ln() - equations.cost) - normaliser)
+        Some(0.5 * (covariance.determinant().ln() - equations.cost) - normalizer)
     }
 
     /// Residual statistics for the noise levels; nothing when the normal equations are singular.
@@ -241,7 +241,7 @@ impl Objective<'_> {
         let Some(covariance) = invert_spd(&equations.hessian()) else { return statistics };
         let weights = self.weights();
         // Of edges, of ellipses, of cues.
-        let mut neighbours = [(0.0, 0.0, 0); CORRELATIONS];
+        let mut neighbors = [(0.0, 0.0, 0); CORRELATIONS];
         let mut determined = 0.0;
         let views = self.measurements.views.len();
         let (mut rows, mut before) = (Vec::with_capacity(16), Vec::<ResidualRow>::with_capacity(16));
@@ -260,7 +260,7 @@ impl Objective<'_> {
             }
             if correlated_views && rows.len() == before.len() {
                 for (a, b) in before.iter().zip(&rows) {
-                    let (products, squares, pairs) = &mut neighbours[a.group.correlated_with()];
+                    let (products, squares, pairs) = &mut neighbors[a.group.correlated_with()];
                     // Edges that do not count are zero; wild ones would drown the others.
                     if a.counts && b.counts && a.residual.abs().max(b.residual.abs()) < MAX_CORRELATION_RESIDUAL {
                         *products += a.residual * b.residual;
@@ -281,7 +281,7 @@ impl Objective<'_> {
                 statistics.add(row.group, row.residual, loss_weight, 1.0 - leverage);
             }
             if correlated_views {
-                let (products, squares, pairs) = &mut neighbours[CORRELATIONS - 1];
+                let (products, squares, pairs) = &mut neighbors[CORRELATIONS - 1];
                 let alike = before.iter().zip(rows).filter(|(a, b)| a.group == b.group);
                 for (a, b) in alike.filter(|(a, b)| a.residual.abs().max(b.residual.abs()) < MAX_CORRELATION_RESIDUAL) {
                     *products += a.residual * b.residual;
@@ -292,9 +292,9 @@ impl Objective<'_> {
             before.clear();
             before.extend_from_slice(rows);
         });
-        for (k, (products, squares, pairs)) in neighbours.into_iter().enumerate() {
+        for (k, (products, squares, pairs)) in neighbors.into_iter().enumerate() {
             if squares > 0.0 {
-                statistics.add_neighbours(k, products / squares, pairs);
+                statistics.add_neighbors(k, products / squares, pairs);
             }
         }
         statistics.add_object(determined, PARAMETERS, views);

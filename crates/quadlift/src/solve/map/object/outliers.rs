@@ -9,7 +9,7 @@ use super::objective::{FEWEST_VIEWS, OUTLIER_SCALE, Objective, usual_cost};
 use super::starts::{ellipsoid_from_quadric, unit_sphere};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
-use crate::optimize::levenberg_marquardt::{Stop, minimise};
+use crate::optimize::levenberg_marquardt::{Stop, minimize};
 use crate::scene::View;
 use crate::solve::closed_form::planes::{FEWEST_PLANES, quadric_tangent_to, tangency_row};
 use crate::solve::map::noise::groups::NoiseGroup;
@@ -90,7 +90,7 @@ pub(crate) fn fit_without_outliers(
     let stop = Stop { evaluations: 30, promised_decrease: 1e-3 };
     hypotheses
         .into_iter()
-        .filter_map(|(_, start)| minimise(start, stop, |body| distrustful.linearise(body), BodyModel::retract))
+        .filter_map(|(_, start)| minimize(start, stop, |body| distrustful.linearize(body), BodyModel::retract))
         .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
         .map(|(body, _)| body)
 }
@@ -157,7 +157,7 @@ fn hypothesis(tangents: &Measurements, triple: &[usize; 3]) -> [Option<Ellipsoid
                 && !b.one_sided
                 && centers < center_rows.len()
             {
-                // The plane halfway between the two passes near the centre.
+                // The plane halfway between the two passes near the center.
                 let n = a.plane.n - b.plane.n;
                 center_rows[centers] = [n.x, n.y, n.z, a.plane.d - b.plane.d].map(|x| x * scale);
                 centers += 1;

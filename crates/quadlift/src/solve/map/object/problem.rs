@@ -8,7 +8,7 @@ use super::prior::{ObjectPrior, TILT_SD, object_prior};
 use super::starts::{centers_from_size, ellipsoid_from_quadric, unit_sphere, upright_ellipsoids};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
-use crate::optimize::levenberg_marquardt::{Stop, minimise};
+use crate::optimize::levenberg_marquardt::{Stop, minimize};
 use crate::scene::ObjectViews;
 use crate::solve::closed_form::planes::planes_in_frame;
 use crate::solve::conditioning::ObjectFrame;
@@ -112,7 +112,7 @@ impl ObjectProblem {
             .flatten()
             .chain(upright)
             .chain(ellipsoids_from_cues(&self.views.views, &self.measurements.frame))
-            .filter_map(|start| minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract))
+            .filter_map(|start| minimize(start, FROM_START, |body| objective.linearize(body), BodyModel::retract))
             .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
             .map(|(body, _)| body)
     }

@@ -123,7 +123,7 @@ fn aspect_and_angle(ellipse: &Ellipse) -> (f64, f64) {
 }
 
 #[test]
-fn an_ellipse_is_compared_by_centre_size_aspect_and_angle() {
+fn an_ellipse_is_compared_by_center_size_aspect_and_angle() {
     let outline = outline();
     for ellipse in observed() {
         let ((seen_aspect, seen_angle), (aspect, angle)) = (aspect_and_angle(&ellipse), aspect_and_angle(&outline));
@@ -193,7 +193,7 @@ fn residuals_of_edges_are_pixels_over_the_deviation_of_the_box() {
         let expected = 0.01 / 3.0f64.hypot(0.05 * measured.mean_half_size());
         // Left, right, top, bottom.
         let place = [0, 2, 1, 3][edge];
-        // Seen from the side, edges are nearer or farther than the centre, at whose depth planes are measured.
+        // Seen from the side, edges are nearer or farther than the center, at whose depth planes are measured.
         assert!((found[place] / expected - 1.0).abs() < 0.08, "{edge}: {found:?} {expected}");
         assert!((0..4).all(|k| k == place || found[k].abs() < 1e-2 * expected), "{edge}: {found:?} {expected}");
     }
@@ -256,7 +256,7 @@ fn evidence_weighs_the_squares_the_number_of_residuals_and_what_they_determine()
             outlier_scale: None,
             smooth: false,
         };
-        let equations = objective.linearise(&body()).unwrap();
+        let equations = objective.linearize(&body()).unwrap();
         let mut counted = 0;
         objective.each_row(&body(), |_, row, _| counted += usize::from(row.counts));
         (objective.evidence(&body(), &equations).unwrap(), equations.cost, counted)

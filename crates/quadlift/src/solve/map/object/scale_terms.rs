@@ -21,7 +21,7 @@ impl Fit {
         }
         let objective = self.objective(noise, self.outlier_scale);
         // Under these noise levels: what the scales and the object share must be less than what each has.
-        let equations = objective.linearise(&self.body)?;
+        let equations = objective.linearize(&self.body)?;
         let covariance = invert_spd(&equations.hessian())?;
         let weights = noise.weights(measurements.views.len());
         let mut terms: BTreeMap<Constant, Term> = BTreeMap::new();
@@ -62,7 +62,7 @@ impl Fit {
         let problem = Arc::new(self.problem.with_scaled_cues(change));
         let body = self.body.retract(&change.step_of(terms, share))?;
         let moved = Self { problem, body, ..self.clone() };
-        let equations = moved.objective(noise, self.outlier_scale).linearise(&moved.body)?;
+        let equations = moved.objective(noise, self.outlier_scale).linearize(&moved.body)?;
         Some(Self { equations, ..moved })
     }
 

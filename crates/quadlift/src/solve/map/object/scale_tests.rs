@@ -28,7 +28,7 @@ fn fit_at(noise: &NoiseLevels) -> Fit {
     let problem = ObjectProblem::new(views, BodyKind::Ellipsoid, &context).unwrap();
     let axes = Vector3::new(1.1, 0.9, 0.8);
     let body = EllipsoidModel::from_axes(Vector3::new(0.1, 0.05, -0.1), Matrix3::identity(), axes);
-    let equations = problem.objective(noise, None).linearise(&body).unwrap();
+    let equations = problem.objective(noise, None).linearize(&body).unwrap();
     let (ellipsoid, body) = (body.clone(), Model::Ellipsoid(body));
     Fit { problem: Arc::new(problem), ellipsoid, body, equations, outlier_scale: None, ground: None, converged: true }
 }

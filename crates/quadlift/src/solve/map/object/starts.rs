@@ -16,7 +16,7 @@ use crate::solve::conditioning::ObjectFrame;
 /// Minimum ratio of the shortest to the longest semi-axis of a start.
 const MIN_START_AXIS_RATIO: f64 = 0.2;
 
-/// A start farther than this (object sizes) from the triangulated centre is rejected.
+/// A start farther than this (object sizes) from the triangulated center is rejected.
 const FARTHEST_START: f64 = 20.0;
 
 /// Directions about the vertical from which a body of unknown size that stands starts, over a quarter of a circle.
@@ -133,7 +133,7 @@ pub(crate) fn set_upright(ellipsoid: &EllipsoidModel, up: &Vector3<f64>) -> Opti
 }
 
 /// Upright ellipsoids in four directions, where it is known that the object stands upright: in few views the direction
-/// has several minima. About the centre of `ellipsoid` and at `centers`.
+/// has several minima. About the center of `ellipsoid` and at `centers`.
 pub(crate) fn upright_ellipsoids(
     ellipsoid: &EllipsoidModel,
     prior: &ObjectPrior,
@@ -196,7 +196,7 @@ fn right_handed(mut axes: Matrix3<f64>) -> Matrix3<f64> {
     *Rotation3::from_matrix_unchecked(axes).matrix()
 }
 
-/// Centres to start from where the category's size is known: on the ray of the tallest box that is not cut off, at the
+/// Centers to start from where the category's size is known: on the ray of the tallest box that is not cut off, at the
 /// depth that its height suggests, times .85, 1 and 1.2 (section 6.2). In the object's frame.
 pub(crate) fn centers_from_size(views: &ObjectViews, frame: &ObjectFrame, prior: &ObjectPrior) -> Vec<Vector3<f64>> {
     let Some([_, _, (log_half_height, _)]) = prior.log_size else { return Vec::new() };

@@ -62,11 +62,11 @@ struct MeasuredBox {
     weights: [f64; 2],
 }
 
-/// The centre of a 3D box.
+/// The center of a 3D box.
 #[derive(Debug, Clone)]
 struct MeasuredCenter {
     camera: Vector3<f64>,
-    /// Towards the centre, and two directions across.
+    /// Towards the center, and two directions across.
     ray: Vector3<f64>,
     across: [Vector3<f64>; 2],
     log_distance: f64,

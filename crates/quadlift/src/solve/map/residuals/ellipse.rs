@@ -1,8 +1,8 @@
-//! Residuals of an observed ellipse: centre, size, aspect and angle (docs/method.md, section 2.3).
+//! Residuals of an observed ellipse: center, size, aspect and angle (docs/method.md, section 2.3).
 //!
-//! The image is first mapped so that the observed ellipse has its centre at the origin, mean semi-axis one and its
-//! first axis along x. There the predicted ellipse (centre c, shape S) gives
-//! - centre: `c` (2), in mean semi-axes;
+//! The image is first mapped so that the observed ellipse has its center at the origin, mean semi-axis one and its
+//! first axis along x. There the predicted ellipse (center c, shape S) gives
+//! - center: `c` (2), in mean semi-axes;
 //! - size: `1/2 log(l1 l2)` against the observed one;
 //! - aspect: `1/2 log(l1 / l2)` against the observed one;
 //! - angle: `1/2 log(l1 / l2) sin(angle)`.
@@ -29,10 +29,10 @@ const NO_OUTLINE: f64 = 10.0;
 /// An observed ellipse, prepared.
 #[derive(Debug, Clone)]
 pub(crate) struct EllipseMeasurement {
-    /// Left block and last column of the projection from the object's frame to the normalised image.
+    /// Left block and last column of the projection from the object's frame to the normalized image.
     m: Matrix3<f64>,
     offset: Vector3<f64>,
-    /// Observed `1/2 log(l1 l2)` in the normalised image, and `1/2 log(l1 / l2)`.
+    /// Observed `1/2 log(l1 l2)` in the normalized image, and `1/2 log(l1 / l2)`.
     log_size: f64,
     log_aspect: f64,
     /// Whether only aspect and angle are compared.
@@ -50,7 +50,7 @@ impl EllipseMeasurement {
         let (sin, cos) = angle.sin_cos();
         let mean = 0.5 * (a + b);
         let (x, y) = (observed.center.x, observed.center.y);
-        let normalise = Matrix3::new(
+        let normalize = Matrix3::new(
             cos / mean,
             sin / mean,
             -(cos * x + sin * y) / mean,
@@ -61,7 +61,7 @@ impl EllipseMeasurement {
             0.0,
             1.0,
         );
-        let mapped = normalise * p;
+        let mapped = normalize * p;
         Self {
             m: mapped.fixed_columns::<3>(0).into_owned(),
             offset: mapped.column(3).into_owned(),
@@ -164,7 +164,7 @@ impl EllipseMeasurement {
     }
 }
 
-/// Centre and shape of the projected outline in the normalised image, with derivatives.
+/// Center and shape of the projected outline in the normalized image, with derivatives.
 struct Outline {
     c: [f64; 2],
     dc: [Row; 2],

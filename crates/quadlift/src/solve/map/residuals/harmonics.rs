@@ -1,6 +1,6 @@
 //! Errors of a whole outline: its supporting lines as harmonics (docs/method.md, section 2.2).
 //!
-//! An outline is mostly wrong smoothly: too large, misplaced, too long. The errors of neighbouring lines are then alike, and eight of them
+//! An outline is mostly wrong smoothly: too large, misplaced, too long. The errors of neighboring lines are then alike, and eight of them
 //! tell no more than five numbers.
 
 use std::f64::consts::FRAC_PI_4;

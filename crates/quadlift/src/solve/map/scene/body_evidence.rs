@@ -16,7 +16,7 @@ use crate::scene::Cues;
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::object::consensus::{WRONG_SHARE, log_wrong_edge};
-use crate::solve::map::object::covariance::{log_determinant_of, regularised};
+use crate::solve::map::object::covariance::{log_determinant_of, regularized};
 use crate::solve::map::object::first_fit::{ALL, best_of, descended};
 use crate::solve::map::object::fit::Fit;
 use crate::solve::map::object::model::Model;
@@ -45,7 +45,7 @@ const LOG_AXES_OF_CYLINDER: f64 = 2.197_224_577_336_219_6;
 const ROUND_SD: f64 = 0.1;
 const ANY_SD: f64 = 0.566;
 
-/// Degrees of freedom of the prior on an object's noise, which is centred on the noise of the scene.
+/// Degrees of freedom of the prior on an object's noise, which is centered on the noise of the scene.
 const DOF_OF_SCENE: f64 = 8.0;
 
 /// The kind with this index.
@@ -111,7 +111,7 @@ pub(crate) struct BodyEvidence {
     pub(crate) fits: [Option<KindFit>; KINDS],
     /// For each kind the correlation of an edge's residuals in views that follow each other, times the number of pairs, and
     /// that number.
-    pub(crate) neighbours: [[f64; 2]; KINDS],
+    pub(crate) neighbors: [[f64; 2]; KINDS],
 }
 
 impl BodyEvidence {
@@ -128,8 +128,8 @@ impl BodyEvidence {
             return None;
         }
         let log_wrong = log_wrong_edge(noise);
-        let (fits, neighbours) = (std::array::from_fn(|_| None), [[0.0; 2]; KINDS]);
-        let mut evidence = Self { category: views.category_index, log_wrong, fits, neighbours };
+        let (fits, neighbors) = (std::array::from_fn(|_| None), [[0.0; 2]; KINDS]);
+        let mut evidence = Self { category: views.category_index, log_wrong, fits, neighbors };
         let round = search.starts(Form::Exponent(2.0)).into_iter().take(1).collect();
         evidence.take(ELLIPSOID, &search, round, 1);
         evidence.fits[ELLIPSOID].as_ref()?;
@@ -176,7 +176,7 @@ impl BodyEvidence {
         if kind == CYLINDER {
             freedom += LOG_AXES_OF_CYLINDER + elongation(&body, &equations);
         }
-        self.neighbours[kind] = objective.statistics(&body, &equations, search.correlated_views).neighbours_of_edges();
+        self.neighbors[kind] = objective.statistics(&body, &equations, search.correlated_views).neighbors_of_edges();
         let views = objective.costs_and_residuals(&body);
         self.fits[kind] = Some(KindFit { views, freedom, cost: equations.cost, body });
     }
@@ -263,7 +263,7 @@ fn elongation(body: &Model, equations: &NormalEquations) -> f64 {
     let mut gradient = SVector::<f64, PARAMETERS>::zeros();
     (gradient[6], gradient[7]) = (1.0, -1.0);
     // Where the measurements leave it open both are as probable.
-    let Some(direction) = solve_spd(&regularised(equations), &gradient) else { return 0.0 };
+    let Some(direction) = solve_spd(&regularized(equations), &gradient) else { return 0.0 };
     let variance = gradient.dot(&direction);
     let log = |prior_sd: f64| {
         let total = variance + prior_sd * prior_sd;

@@ -10,7 +10,7 @@ fn seen(ellipsoid: &[f64], cuboid: &[f64]) -> BodyEvidence {
     let fit = |costs: &[f64]| Some(KindFit::of_views(costs.iter().map(|cost| (*cost, 4)).collect(), 10.0));
     let mut fits = std::array::from_fn(|_| None);
     (fits[ELLIPSOID], fits[CUBOID]) = (fit(ellipsoid), fit(cuboid));
-    BodyEvidence { category: None, log_wrong: -4.0, fits, neighbours: [[0.0; 2]; KINDS] }
+    BodyEvidence { category: None, log_wrong: -4.0, fits, neighbors: [[0.0; 2]; KINDS] }
 }
 
 /// A kind that gives up views that another one explains is the less probable one, however well it fits the rest.
@@ -110,7 +110,7 @@ fn the_freedom_is_that_of_the_normal_equations_and_the_priors() {
             let logs = body.semi_axes().map(f64::ln);
             let shape = (logs - Vector3::repeat(logs.mean())).norm_squared() / (0.4 * 0.4);
             let height = 5.0 * (body.center().z + 0.9 - body.support_gradient(&Vector3::z()).0);
-            let equations = search.objective().linearise(body).unwrap();
+            let equations = search.objective().linearize(body).unwrap();
             let mut hessian = equations.hessian();
             // The volume of the rotations that differ for a cuboid is that of a Gaussian of this precision.
             let precision = std::f64::consts::TAU * (3.0 / std::f64::consts::PI.powi(2)).powf(2.0 / 3.0);

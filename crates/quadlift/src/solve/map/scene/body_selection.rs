@@ -35,7 +35,7 @@ const FEW_OBJECTS: usize = 24;
 const AS_PROBABLE: f64 = 0.5;
 
 /// Variance of the residuals, over that of the noise of the ellipsoids, far below which the best kinds are exact: what is alike in
-/// neighbouring views is then the pull of the priors.
+/// neighboring views is then the pull of the priors.
 const MUCH_LESS_THAN_NOISE: f64 = 0.1;
 
 /// Rounds in which shares and probabilities are adjusted to each other.
@@ -67,7 +67,7 @@ impl BodyKinds {
 
     /// The kind of each object, where all were fitted as ellipsoids.
     ///
-    /// `noise` takes the views as independent: a body of the wrong kind errs alike in neighbouring views, so that what looks
+    /// `noise` takes the views as independent: a body of the wrong kind errs alike in neighboring views, so that what looks
     /// like correlation is what is looked for.
     pub(crate) fn among(fits: &[Option<&Fit>], noise: NoiseLevels, context: &MapContext) -> Self {
         let ellipsoids = Self::given(BodyKind::Ellipsoid, fits.len());
@@ -145,8 +145,8 @@ impl Pooled {
         let told_by = best.iter().filter(|(_, _, dof)| *dof > 0.0);
         let mut variances: Vec<_> = told_by.map(|(_, variance, dof)| (variance / per_dof(*dof, 0.0), *dof)).collect();
         let variance = weighted_median(&mut variances)?;
-        let neighbours = told.iter().zip(&best).map(|(evidence, (kind, ..))| evidence.neighbours[*kind]);
-        let independent = independent_share(neighbours, variance);
+        let neighbors = told.iter().zip(&best).map(|(evidence, (kind, ..))| evidence.neighbors[*kind]);
+        let independent = independent_share(neighbors, variance);
         let (counts, counts_of_category) = ([0.0; KINDS], BTreeMap::new());
         let mut pooled =
             Self { before: std::array::from_fn(before), counts, counts_of_category, variance, independent };
@@ -195,11 +195,11 @@ impl Pooled {
     }
 }
 
-/// Share of the residuals that count: those that remain with the best kind of each object are alike in neighbouring views
+/// Share of the residuals that count: those that remain with the best kind of each object are alike in neighboring views
 /// where no kind is quite right, and then they say less about which one is. As of an autoregressive process with the
-/// correlation of neighbours.
-fn independent_share(neighbours: impl Iterator<Item = [f64; 2]>, variance: f64) -> f64 {
-    let sums = neighbours.fold([0.0; 2], |sums, [sum, pairs]| [sums[0] + sum, sums[1] + pairs]);
+/// correlation of neighbors.
+fn independent_share(neighbors: impl Iterator<Item = [f64; 2]>, variance: f64) -> f64 {
+    let sums = neighbors.fold([0.0; 2], |sums, [sum, pairs]| [sums[0] + sum, sums[1] + pairs]);
     let correlation = if sums[1] > 0.0 { (sums[0] / sums[1]).clamp(0.0, LARGEST_CORRELATION) } else { 0.0 };
     let correlation = correlation * variance / (variance + MUCH_LESS_THAN_NOISE);
     (1.0 - correlation) / (1.0 + correlation)
@@ -233,7 +233,7 @@ mod tests {
         let mut fits = std::array::from_fn(|_| None);
         fits[ELLIPSOID] = fit(ellipsoid);
         fits[CUBOID] = fit(cuboid);
-        BodyEvidence { category: Some(category), log_wrong: -3.0, fits, neighbours: [[0.0; 2]; KINDS] }
+        BodyEvidence { category: Some(category), log_wrong: -3.0, fits, neighbors: [[0.0; 2]; KINDS] }
     }
 
     fn body_kinds(told: &[BodyEvidence]) -> Vec<BodyKind> {
@@ -284,10 +284,10 @@ mod tests {
         assert_eq!(most_probable(&probabilities), CUBOID);
     }
 
-    /// Where the residuals of neighbouring views are alike there are as many independent ones as for an autoregressive
+    /// Where the residuals of neighboring views are alike there are as many independent ones as for an autoregressive
     /// process: `(1 - r) / (1 + r)` of them.
     #[test]
-    fn residuals_that_are_alike_in_neighbouring_views_count_less() {
+    fn residuals_that_are_alike_in_neighboring_views_count_less() {
         // The correlation of 0.5 shrinks where the residuals are much smaller than the noise.
         let share = |variance| independent_share(std::iter::once([15.0, 30.0]), variance);
         assert!((share(1e9) - 1.0 / 3.0).abs() < 1e-9);

@@ -82,7 +82,7 @@ fn group_of(fit: &Fit) -> Option<(usize, BodyKind)> {
 impl SceneFit {
     /// The same with sizes of categories learnt from the objects, if that is asked for.
     pub(crate) fn with_learnt_sizes(mut self, context: &MapContext) -> Self {
-        if !context.options.learn_sizes || context.watch.is_cancelled() {
+        if !context.options.learn_sizes || context.watch.is_canceled() {
             return self;
         }
         let told = map_indices(self.len(), |k| self.size_information(k, context));

@@ -177,7 +177,7 @@ impl SceneFit {
     ) -> Self {
         let fits = map_indices(body_kinds.len(), |k| {
             if context.watch.stops_before(k) {
-                return Err(Box::new(Estimate::cancelled()));
+                return Err(Box::new(Estimate::canceled()));
             }
             let mut views = views_of(k);
             scales.apply(&mut views);
@@ -198,7 +198,7 @@ impl SceneFit {
         let mut started = noise;
         let pose_prior = PosePrior::new(context.options, &context.pose_unknowns, || usual_distance(&fits));
         let (mut round, mut follows) = (0, false);
-        while round < ROUNDS && !context.watch.is_cancelled() {
+        while round < ROUNDS && !context.watch.is_canceled() {
             statistics = NoiseStatistics::default();
             // Summed in the order of the objects, so that the result does not depend on the number of threads.
             let misfits: Vec<Option<Misfit>> = fits.iter().flatten().map(|fit| fit.misfit(&noise)).collect();
@@ -377,7 +377,7 @@ impl SceneFit {
             problem = problem.standing(&up);
         }
         let outlier_scale = outliers.then_some(OUTLIER_SCALE);
-        let equations = problem.objective(&self.noise, outlier_scale).linearise(&body)?;
+        let equations = problem.objective(&self.noise, outlier_scale).linearize(&body)?;
         let ellipsoid = EllipsoidModel::from_axes(*body.center(), *body.axes(), body.semi_axes());
         let mut fit = Fit {
             problem: Arc::new(problem),

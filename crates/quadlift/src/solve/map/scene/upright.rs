@@ -15,7 +15,7 @@ use nalgebra::Vector3;
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::geometry::linalg::cholesky;
-use crate::optimize::levenberg_marquardt::minimise;
+use crate::optimize::levenberg_marquardt::minimize;
 use crate::optimize::normal_equations::{NormalEquations, PARAMETERS};
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
@@ -37,7 +37,7 @@ const FEW_VIEWS: usize = 8;
 const ADDED: f64 = 2.0;
 
 /// How often an object of a scene stands, from the logarithms of the odds of each under equal shares: by expectation and
-/// maximisation from one half. `UPRIGHT_SHARE` without objects.
+/// maximization from one half. `UPRIGHT_SHARE` without objects.
 pub(crate) fn share_of_upright(log_odds: &[f64]) -> f64 {
     if log_odds.is_empty() {
         return UPRIGHT_SHARE.get();
@@ -102,7 +102,7 @@ impl Fit {
         let (axes, semi_axes) = set_upright(&body, &problem.prior.up?)?;
         let start = EllipsoidModel::from_axes(*body.center(), axes, semi_axes);
         let objective = problem.objective(noise, self.outlier_scale);
-        let (ellipsoid, _) = minimise(start, FROM_START, |body| objective.linearise(body), BodyModel::retract)?;
+        let (ellipsoid, _) = minimize(start, FROM_START, |body| objective.linearize(body), BodyModel::retract)?;
         let (body, equations) = problem.started_at(&ellipsoid, noise, self.outlier_scale, 0, TURNED_STARTS)?;
         let fit = Self { problem: problem.clone(), ellipsoid, body, equations, ..self.clone() };
         Some(fit.refined(noise, false))
@@ -110,7 +110,7 @@ impl Fit {
 
     /// The objective at the body of this fit where no view is an outlier: one that rejects many would seem to agree.
     fn trustful(&self, noise: &NoiseLevels) -> Option<NormalEquations> {
-        self.objective(noise, None).linearise(&self.body)
+        self.objective(noise, None).linearize(&self.body)
     }
 }
 

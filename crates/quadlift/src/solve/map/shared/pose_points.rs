@@ -50,7 +50,7 @@ pub(crate) struct PosePoints {
     pub(super) as_given: Option<PosePointsReport>,
 }
 
-/// A camera: world to pixels, and its centre.
+/// A camera: world to pixels, and its center.
 struct Camera {
     projection: Projection,
     m: Matrix3<f64>,

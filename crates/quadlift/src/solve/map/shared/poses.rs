@@ -15,7 +15,7 @@ use crate::scene::ObjectViews;
 use crate::solve::estimate::Matrix9;
 use crate::solve::refined_pose::RefinedPose;
 
-/// Correction of a camera: a rotation about its centre (rotation vector, radians) and a shift (world units), both in
+/// Correction of a camera: a rotation about its center (rotation vector, radians) and a shift (world units), both in
 /// world axes.
 pub(crate) type Motion = Vector6<f64>;
 
@@ -171,7 +171,7 @@ impl PoseCorrections {
         self.determined[1]
     }
 
-    /// The camera of a frame, corrected; `None` where it has no centre.
+    /// The camera of a frame, corrected; `None` where it has no center.
     pub(crate) fn camera(&self, frame: usize, given: &Projection) -> Option<Projection> {
         match self.frames.get(&frame) {
             None => Some(*given),

@@ -61,7 +61,7 @@ impl Default for ScaleCovariance {
     }
 }
 
-/// The arrow part, factorised.
+/// The arrow part, factorized.
 struct Arrow {
     /// Cholesky factors of the sources' block, without the frames.
     sources: Cholesky<f64, Dyn>,

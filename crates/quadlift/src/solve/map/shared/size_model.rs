@@ -2,7 +2,7 @@
 //!
 //! The logarithms of the half extents of an object are those of its category plus a difference of its own, both Gaussian:
 //! `x = mu + delta`, `delta ~ N(0, T)`. What the measurements tell about `x` comes in the form of information, so that objects
-//! whose length nobody has seen say nothing about lengths. `mu` and `T` are found by expectation and maximisation. The prior of
+//! whose length nobody has seen say nothing about lengths. `mu` and `T` are found by expectation and maximization. The prior of
 //! an object is the predictive distribution from the others: its own size is told by its own measurements alone.
 
 use nalgebra::{Matrix3, Vector3};
@@ -17,7 +17,7 @@ const FEWEST_OTHERS: f64 = 2.0;
 /// Largest variance of the shapes of a category, relative to that of any objects.
 const ALIKE: f64 = 0.2;
 
-/// Rounds of expectation and maximisation.
+/// Rounds of expectation and maximization.
 const ROUNDS: usize = 40;
 
 /// Rounds after which the axes of each object keep their names.
@@ -123,7 +123,7 @@ struct Category {
 }
 
 impl Category {
-    /// By expectation and maximisation; `None` if a matrix is singular.
+    /// By expectation and maximization; `None` if a matrix is singular.
     fn fit(objects: &[SizeInformation], named: bool, shape_sd: f64) -> Option<Self> {
         let usual = Matrix3::from_diagonal_element(CATEGORY_SPREAD.get().powi(2));
         let prior_dof = LEARNT_DOF.get();
