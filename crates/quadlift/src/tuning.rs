@@ -4,6 +4,9 @@
 #[cfg(feature = "sensitivity")]
 use std::sync::atomic::{AtomicU64, Ordering};
 
+/// Log odds that are clear wherever answers are compared: 100 to 1 (ours).
+pub(crate) const CLEAR: f64 = 4.605;
+
 /// A tuned constant.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tuned {
@@ -53,9 +56,6 @@ tuned! {
     /// Degrees of freedom of Student's t distribution, the likelihood of an edge: near zero it is a Gaussian, beyond three
     /// standard deviations it gives way.
     STUDENT_T_DOF = 9.0;
-    /// By how much the squared whitened residuals of the second best choice must exceed those of the best one: odds of
-    /// 90 to 1 (ours; with 20 a third of the false boxes stay, with 4 no more are found).
-    MIN_COST_GAP = 9.0;
 
     // Noise levels.
     /// Smallest standard deviation: larger ones cost accuracy on exact data, smaller ones stability.

@@ -55,6 +55,7 @@ use nalgebra::{Point3, SMatrix, Unit, Vector3};
 use self::prepared::PreparedMaps;
 use crate::geometry::{Ellipsoid, Similarity};
 use crate::solve::{Covariance, Estimate, Status};
+use crate::tuning::CLEAR;
 
 /// An object of a map.
 #[derive(Debug, Clone, PartialEq)]
@@ -184,9 +185,6 @@ pub struct Alignment {
     /// Transforms that explain the maps, the best first; with [`AlignStatus::Ok`] the others are less probable than 1 in 100.
     pub transforms: Vec<MapTransform>,
 }
-
-/// Difference of the evidence of two transforms from which the lesser one does not count: odds of 100 to 1.
-const CLEAR: f64 = 4.605;
 
 /// Transforms that are told at most.
 const MOST_TRANSFORMS: usize = 8;

@@ -10,6 +10,7 @@ use super::hypotheses::discrete;
 use super::misses::{AGREES, corrected_ray, point_of};
 use super::rays::{LARGEST_MISS, Ray, meeting_point};
 use super::sample::{Sample, Seen};
+use crate::tuning::CLEAR;
 
 /// Share of frames that contradict the others from which the scene is inconsistent: robust fits are not hurt by fewer.
 const MANY_WRONG: f64 = 0.1;
@@ -20,9 +21,6 @@ pub(crate) const MAX_BOXES: usize = 20_000;
 /// The least share of wrong boxes in wrong frames, and the largest one in the others.
 const MIN_WRONG: f64 = 0.8;
 const MAX_WRONG_OF_RIGHT: f64 = 0.25;
-
-/// Two kinds of frames are clearly better than one: one hundred to one.
-const CLEARLY_BETTER: f64 = 4.6;
 
 /// Rounds of expectation and maximization.
 const ROUNDS: usize = 30;
@@ -145,7 +143,7 @@ fn two_kinds(counts: &[Counts]) -> Option<Vec<bool>> {
     // Two more numbers (Schwarz 1978).
     let wrong: Vec<bool> =
         counts.iter().map(|count| count.boxes > 0.0 && posterior(count, of_wrong, of_right, mixture) > 0.5).collect();
-    let found = gain > CLEARLY_BETTER + (used.len() as f64).ln() && wrong.contains(&true);
+    let found = gain > CLEAR + (used.len() as f64).ln() && wrong.contains(&true);
     found.then_some(wrong)
 }
 

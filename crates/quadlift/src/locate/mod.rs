@@ -59,6 +59,7 @@ use crate::geometry::rigid::Pose;
 use crate::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics};
 use crate::localize::Localization;
 use crate::solve::{Estimate, Status};
+use crate::tuning::CLEAR;
 
 /// An object of the map whose place is known.
 #[derive(Debug, Clone, PartialEq)]
@@ -198,9 +199,6 @@ pub struct Located {
     /// Poses that explain the image, the best first; with [`LocateStatus::Ok`] the others are less probable than 1 in 100.
     pub poses: Vec<LocatedPose>,
 }
-
-/// Difference of the evidence of two poses from which the lesser one does not count: odds of 100 to 1.
-const CLEAR: f64 = 4.605;
 
 /// Matches of a pose that explains most boxes from which the search ends: chance does not explain as many.
 const ENOUGH_MATCHES: usize = 6;

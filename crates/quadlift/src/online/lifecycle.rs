@@ -9,9 +9,10 @@ use super::tracked::{DETECTED_LOG_ODDS, Presence, Tracked};
 use super::update::{Event, FrameUpdate, ObjectId, Removal};
 use super::views::KeptView;
 use crate::association::input::observations::BoxObservation;
-use crate::association::score::evidence::{MIN_EVIDENCE, evidence};
+use crate::association::score::evidence::evidence;
 use crate::association::search::growth::MOST_MISSES;
 use crate::association::statistics::median;
+use crate::tuning::CLEAR;
 
 /// Log odds below which an object is gone. With [`DETECTED_LOG_ODDS`] a detector that misses one object in five
 /// must miss it eight times in a row: by chance once in 400,000 views.
@@ -155,7 +156,7 @@ impl ObjectMap {
 
     /// Whether an object has enough views and evidence to be confirmed.
     fn is_certain(&self, tracked: &Tracked) -> bool {
-        tracked.object.views() >= self.options.min_views && self.evidence_of(tracked) > MIN_EVIDENCE
+        tracked.object.views() >= self.options.min_views && self.evidence_of(tracked) > CLEAR
     }
 
     fn after_miss(&mut self, slot: u32, visible_share: f64, update: &mut FrameUpdate) {
@@ -167,7 +168,7 @@ impl ObjectMap {
             // More often than detected, too.
             Presence::Tentative => misses > MOST_MISSES.max(views),
             // Many misses speak against a weak object, wherever they come from.
-            Presence::Confirmed => misses.is_multiple_of(MOST_MISSES) && self.evidence_of(tracked) <= MIN_EVIDENCE,
+            Presence::Confirmed => misses.is_multiple_of(MOST_MISSES) && self.evidence_of(tracked) <= CLEAR,
             Presence::Gone => false,
         };
         if weak {

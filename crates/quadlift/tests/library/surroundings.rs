@@ -1,10 +1,11 @@
 //! What the surroundings of objects tell: the border of the image, the ground, the height of the cameras, and edges that
 //! err by pixels. Real scenes need all of it; these synthetic ones show what each is worth by itself.
 
-use nalgebra::Vector2;
-use quadlift::geometry::BoundingBox;
+use nalgebra::{Matrix3x4, Point3, Rotation3, Vector2, Vector3};
+use quadlift::geometry::{Body, BoundingBox, CamFromWorld, Cuboid, Intrinsics, Projection, project_bounding_box};
 use quadlift::metrics::iou3d_bodies;
-use quadlift::solve::{BodyKind, MapOptions};
+use quadlift::scene::{DetectionInput, Scene, SceneBuilder};
+use quadlift::solve::{BodyKind, CategoryPrior, CategoryPriors, Estimate, MapOptions, SizePrior, Status};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift::{LocalizeOptions, localize};
 
@@ -101,6 +102,76 @@ fn the_height_of_the_cameras_tells_where_the_ground_is() {
     let [with, without] =
         compare(&scenes, &MapOptions { camera_height: Some(height), ..on_ground.clone() }, &on_ground);
     assert!(with.0 > without.0 + 0.03 && with.1 < 0.8 * without.1, "{with:?} {without:?}");
+}
+
+/// Cars on level ground, from cameras beside each other 80 m above, whose boxes leave the distance to the priors. Length, width and
+/// height are 8, 4 and 2 % above those of the prior.
+fn cars_from_above(count: usize) -> (Scene, Vec<Cuboid>) {
+    let mut scene = SceneBuilder::new("cars");
+    scene.up([0.0, 0.0, 1.0]).unwrap();
+    let car = |k: usize| Cuboid {
+        center: Point3::new(9.0 * k as f64 - 8.0, 5.0 - 4.0 * k as f64, 0.765),
+        half_extents: Vector3::new(2.16, 0.858, 0.765),
+        rotation: Rotation3::from_axis_angle(&Vector3::z_axis(), 0.4 + 1.1 * k as f64),
+    };
+    let cars: Vec<Cuboid> = (0..count).map(car).collect();
+    let intrinsics = Intrinsics::new(1500.0, 1500.0, 960.0, 540.0).unwrap();
+    for view in 0..5 {
+        let frame = view.to_string();
+        let (x, y) = (0.03 * f64::from(view), 0.04 * f64::from(view * 2 % 5));
+        let pose = Matrix3x4::new(1.0, 0.0, 0.0, -x, 0.0, -1.0, 0.0, y, 0.0, 0.0, -1.0, 80.0);
+        let projection = Projection::from_camera(&intrinsics, &CamFromWorld::new(pose).unwrap());
+        scene.add_frame(&frame, projection, None).unwrap();
+        for (k, car) in cars.iter().enumerate() {
+            let edges = project_bounding_box(&projection, car).unwrap().edges();
+            // Half a pixel of noise, without a generator.
+            let noise = |edge: usize| 0.5 * (12.9898 * (20 * k + 4 * view as usize + edge) as f64).sin();
+            let found = BoundingBox::new(std::array::from_fn(|edge| edges[edge] + noise(edge))).ok();
+            let input = DetectionInput {
+                frame: &frame,
+                object: Some(&k.to_string()),
+                category: Some("car"),
+                bounding_box: found,
+                ..Default::default()
+            };
+            scene.add_detection(&input).unwrap();
+        }
+    }
+    (scene.build(), cars)
+}
+
+/// What an object told of the ground tells nothing of the object; and the size of a car is that of a box.
+#[test]
+fn an_object_does_not_stand_on_what_it_alone_tells_of_the_ground() {
+    let car = |on_ground| {
+        let size = SizePrior { mean: [4.0, 1.65, 1.5], sd: [0.36, 0.10, 0.12] };
+        let prior = CategoryPrior { size: Some(size), upright_sd: Some(0.01), on_ground };
+        CategoryPriors { by_category: [("car".to_owned(), prior)].into() }
+    };
+    let found = |cars: usize, on_ground: bool, camera_height: Option<f64>| {
+        let (scene, truth) = cars_from_above(cars);
+        let options = MapOptions { priors: car(on_ground), camera_height, ..Default::default() };
+        let estimates = localize(&scene, &LocalizeOptions::from(options)).unwrap().estimates;
+        let one = |(estimate, truth): (&Estimate, &Cuboid)| {
+            assert_eq!(estimate.status, Status::Ok);
+            assert!(matches!(estimate.body, Some(Body::Cuboid(_))), "{:?}", estimate.body);
+            let sd = estimate.covariance.as_ref().unwrap().matrix[(2, 2)].sqrt();
+            (sd, (estimate.center.unwrap().z - truth.center.z).abs())
+        };
+        estimates.iter().zip(&truth).map(one).collect::<Vec<_>>()
+    };
+    let [alone, in_the_air] = [true, false].map(|on_ground| found(1, on_ground, None)[0]);
+    assert!(
+        (alone.0 / in_the_air.0 - 1.0).abs() < 1e-6 && (alone.1 - in_the_air.1).abs() < 1e-6,
+        "{alone:?} {in_the_air:?}"
+    );
+    for (sd, off) in found(1, true, None).into_iter().chain(found(3, true, None)) {
+        // Of 80 m the size tells 6 %.
+        assert!(sd > 2.5 && off < 3.0 * sd && off < 8.0, "{sd} {off}");
+    }
+    // Where the height is known to 3 % so is the distance.
+    let (sd, off) = found(1, true, Some(80.0))[0];
+    assert!(sd < 2.6 && off < 2.0, "{sd} {off}");
 }
 
 #[test]

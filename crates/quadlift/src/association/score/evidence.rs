@@ -8,9 +8,6 @@ use super::scene_statistics::SceneStatistics;
 use crate::association::input::observations::Observations;
 use crate::association::statistics::{DetectionRate, LN_2PI, median, t_constant};
 
-/// Objects with less evidence (nats) are given up.
-pub(crate) const MIN_EVIDENCE: f64 = 5.0;
-
 /// Range of the logarithm of an unknown size, over which it is uniform.
 const LOG_SIZE_RANGE: f64 = 6.0;
 

@@ -6,11 +6,12 @@ use super::merge::merge;
 use crate::association::input::context::AssociationContext;
 use crate::association::input::observations::Observations;
 use crate::association::options::Part;
-use crate::association::score::evidence::{MIN_EVIDENCE, evidence};
+use crate::association::score::evidence::evidence;
 use crate::association::score::fit::{Start, fit};
 use crate::association::score::object::Object;
 use crate::association::score::scene_statistics::SceneStatistics;
 use crate::parallel::map_indices;
+use crate::tuning::CLEAR;
 
 /// The mutable state of the search.
 #[derive(Debug, Clone)]
@@ -35,8 +36,7 @@ impl State {
     /// Removes objects with too little evidence; trusted ones are kept.
     pub fn give_up_weak(&mut self, context: &AssociationContext) {
         let (observations, statistics) = (&self.observations, &self.statistics);
-        self.objects
-            .retain(|o| o.trusted_id.is_some() || evidence(&context.rate, observations, statistics, o) > MIN_EVIDENCE);
+        self.objects.retain(|o| o.trusted_id.is_some() || evidence(&context.rate, observations, statistics, o) > CLEAR);
     }
 
     /// Learns the scene's noise, clutter and sizes.

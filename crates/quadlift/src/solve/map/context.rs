@@ -8,7 +8,7 @@ use super::shared::pose_points::PosePoints;
 use super::shared::pose_unknowns::PoseUnknowns;
 use crate::observer::Watch;
 use crate::scene::ObjectViews;
-use crate::solve::options::{CategoryPrior, MapOptions};
+use crate::solve::options::{BodyKind, CategoryPrior, MapOptions};
 
 /// Data shared by the objects of a scene.
 #[derive(Debug, Clone)]
@@ -42,6 +42,13 @@ impl MapContext<'_> {
         let category = priors.of(&self.categories[views.category_index?])?;
         let stands = (*ground_plane || category.on_ground) && self.up.is_some() && camera_height.is_some();
         (stands && category.size.is_some()).then_some(category)
+    }
+
+    /// What an object is fitted as before its kind is known: where the size of its category is known a cuboid, because lengths, widths
+    /// and heights are those of boxes; an ellipsoid of that size would be nearer to the cameras than the object.
+    pub(super) fn first_kind(&self, views: &ObjectViews) -> BodyKind {
+        let prior = views.category_index.and_then(|index| self.options.priors.of(&self.categories[index]));
+        if prior.is_some_and(|prior| prior.size.is_some()) { BodyKind::Cuboid } else { BodyKind::Ellipsoid }
     }
 
     /// Whether poses are corrected.

@@ -88,11 +88,12 @@ pub(crate) fn map(
     let (scene, body_kinds) = match options.body {
         Some(body) => (together(&all(body)), BodyKinds::given(body, sample.len())),
         None => {
-            let ellipsoids = fitted(&all(BodyKind::Ellipsoid));
-            let noise = ellipsoids.noise_of_independent_views(context);
-            let body_kinds = BodyKinds::among(&ellipsoids.fit_of_each(), noise, context);
-            let as_they_are = !apart && body_kinds.of_all() == Some(BodyKind::Ellipsoid);
-            (if as_they_are { ellipsoids } else { together(body_kinds.of_each()) }, body_kinds)
+            let first: Vec<BodyKind> = sample.iter().map(|k| context.first_kind(&views_of(*k))).collect();
+            let scene = fitted(&first);
+            let noise = scene.noise_of_independent_views(context);
+            let body_kinds = BodyKinds::among(&scene.fit_of_each(), first.clone(), noise, context);
+            let as_they_are = !apart && body_kinds.of_each() == first;
+            (if as_they_are { scene } else { together(body_kinds.of_each()) }, body_kinds)
         }
     };
     let scene = scene.with_upright(context).with_learnt_sizes(context);

@@ -26,7 +26,7 @@ pub(crate) fn usual_level(group: NoiseGroup) -> f64 {
 }
 
 /// Upper bound of the correlation between views.
-pub(crate) const LARGEST_CORRELATION: f64 = 0.9;
+const LARGEST_CORRELATION: f64 = 0.9;
 
 /// Minimum degrees of freedom to estimate the correlation of views.
 const ENOUGH_PAIRS: f64 = 16.0;

@@ -51,11 +51,6 @@ impl NoiseStatistics {
         }
     }
 
-    /// The correlation of edges in views that follow each other, times the number of pairs, and that number.
-    pub(crate) fn neighbors_of_edges(&self) -> [f64; 2] {
-        self.neighbors[0]
-    }
-
     /// Number of views of an object: the harmonic mean, so that one object of many views among others of few counts little.
     pub(super) fn usual_views(&self) -> f64 {
         if self.inverse_views[0] > 0.0 { self.inverse_views[1] / self.inverse_views[0] } else { 0.0 }

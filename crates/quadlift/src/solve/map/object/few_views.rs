@@ -1,7 +1,7 @@
 //! A false box among three or four views: too few for hypotheses and a redescending loss (see [`super::outliers`]), but
 //! the other views are consistent, and no other subset is (docs/method.md, section 8.2).
 
-use crate::tuning::MIN_COST_GAP;
+use crate::tuning::CLEAR;
 use std::sync::Arc;
 
 use super::agreement::{Reference, agrees, is_inconsistent};
@@ -51,7 +51,7 @@ impl Fit {
             }
         }
         let (squares, fit) = best?;
-        if fit.misfit(&level).is_none_or(|misfit| !agrees(&misfit)) || second - squares < MIN_COST_GAP.get() {
+        if fit.misfit(&level).is_none_or(|misfit| !agrees(&misfit)) || second - squares < 2.0 * CLEAR {
             return None;
         }
         // All views again, in the frame of those that agree: the loss keeps the other one out.

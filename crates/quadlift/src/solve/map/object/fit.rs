@@ -130,16 +130,14 @@ impl Fit {
         self.problem.prior.on_ground
     }
 
-    /// Puts the body on the ground plane, if it stands there.
-    pub(crate) fn stand_on_ground(&mut self, ground: &GroundPlane, up: &Unit<Vector3<f64>>) {
+    /// Puts the body on the ground plane, if it stands there. `object` is its index, if the plane knows it.
+    pub(crate) fn stand_on_ground(&mut self, object: Option<usize>, ground: &GroundPlane, up: &Unit<Vector3<f64>>) {
         let lowest = self.is_on_ground().then(|| self.lowest_point(up)).flatten();
-        self.ground = lowest.map(|lowest| {
+        self.ground = lowest.and_then(|lowest| ground.below(object, &lowest)).map(|below| {
             let frame = &self.problem.measurements.frame;
-            let height = ground.normal.dot(&(frame.origin - ground.reference)) + ground.offset;
-            (
-                Plane { n: frame.direction_from_world(&ground.normal), d: height / frame.unit },
-                frame.unit / (ground.unevenness * lowest.unevenness()),
-            )
+            let height = below.normal.dot(&(frame.origin - below.through));
+            let plane = Plane { n: frame.direction_from_world(&below.normal), d: height / frame.unit };
+            (plane, frame.unit / below.sd)
         });
     }
 

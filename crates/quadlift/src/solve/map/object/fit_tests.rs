@@ -11,6 +11,7 @@ use super::model::Model;
 use super::problem::ObjectProblem;
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
+use crate::geometry::rotation::horizontal_basis;
 use crate::observer::{Unobserved, Watch};
 use crate::optimize::normal_equations::NormalEquations;
 use crate::scene::ObjectViews;
@@ -19,7 +20,7 @@ use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::shared::SharedErrors;
 use crate::solve::map::shared::cue_scales::CueScales;
-use crate::solve::map::shared::ground::GroundPlane;
+use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
 use crate::solve::map::shared::pose_prior::PosePrior;
 use crate::solve::map::shared::pose_terms::SceneTerms;
 use crate::solve::map::shared::poses::PoseCorrections;
@@ -148,12 +149,15 @@ fn bodies_that_have_run_away_have_diverged() {
     });
 }
 
-/// A plane through a point of the world, sloped.
-fn ground(through: Point3<f64>, up: &Unit<Vector3<f64>>) -> GroundPlane {
-    let normal = (up.into_inner() + Vector3::new(0.05, 0.02, 0.0)).normalize();
-    let offset = 0.7;
-    // Heights are `normal . (x - reference) + offset`.
-    GroundPlane { reference: through + normal * offset, normal, offset, unevenness: 1.5 }
+/// A plane through a point of the world, as certain as what lies on it: told by many objects about the point.
+fn ground(through: Point3<f64>, up: &Unit<Vector3<f64>>, slope: f64) -> GroundPlane {
+    let [e1, e2] = horizontal_basis(up);
+    let told = (0..400i32).map(|k| {
+        let (x, y) = (f64::from(k % 20 - 10) * 10.0, (f64::from(k / 20) - 9.5) * 10.0);
+        let point = through + e1 * x + e2 * y + up.into_inner() * (slope * x);
+        (1000 + k as usize, LowestPoint { point, variance: 1e-9, height: 1e-3, distance: 1e-3 })
+    });
+    GroundPlane::fit(up, &told.collect::<Vec<_>>(), &[], None).unwrap()
 }
 
 #[test]
@@ -161,7 +165,7 @@ fn an_object_on_the_ground_is_held_at_its_height_in_the_world() {
     let up = Unit::new_normalize(Vector3::new(0.1, -0.2, 1.0));
     ball_on_ground(Some(up), |fit, _, _| {
         let through = Point3::new(1.0, -2.0, -3.0);
-        let plane = ground(through, &up);
+        let plane = ground(through, &up, 0.05);
         let frame = &fit.problem.measurements.frame;
         let center = frame.point_in_world(fit.body.center());
         let radius = 0.9 * frame.unit;
@@ -169,12 +173,13 @@ fn an_object_on_the_ground_is_held_at_its_height_in_the_world() {
         assert!((lowest.point - (center - up.into_inner() * radius)).norm() < 1e-9 * radius, "{lowest:?}");
         assert!((lowest.height - 2.0 * radius).abs() < 1e-9 * radius);
         let mut standing = fit.clone();
-        standing.stand_on_ground(&plane, &up);
+        standing.stand_on_ground(None, &plane, &up);
         let (local, weight) = standing.ground.unwrap();
         let found = fit.body.distance_to_plane(&local.n, local.d).0 * weight;
         // Of a ball the point nearest to the plane lies along its normal.
-        let expected = (plane.normal.dot(&(center - through)) - radius) / (1.5 * lowest.unevenness());
-        assert!((found - expected).abs() < 1e-9 * (1.0 + expected.abs()), "{found} {expected}");
+        let normal = (up.into_inner() - horizontal_basis(&up)[0] * 0.05).normalize();
+        let expected = (normal.dot(&(center - through)) - radius) / lowest.unevenness();
+        assert!((found - expected).abs() < 1e-3 * (1.0 + expected.abs()), "{found} {expected}");
     });
     // Without a known direction nothing stands.
     ball(|fit, _, _| assert!(!fit.is_on_ground()));
@@ -190,14 +195,9 @@ fn the_grounds_own_pull_is_taken_out_of_what_an_object_tells_of_it() {
         let alone = free.lowest_point(&up).unwrap();
         let deviation = alone.variance.sqrt();
         // A plane that lies lower by half a deviation of the object's lowest point.
-        let plane = GroundPlane {
-            reference: alone.point - up.into_inner() * 0.5 * deviation,
-            normal: up.into_inner(),
-            offset: 0.0,
-            unevenness: 1.0,
-        };
+        let plane = ground(alone.point - up.into_inner() * 0.5 * deviation, &up, 0.0);
         let mut standing = free.clone();
-        standing.stand_on_ground(&plane, &up);
+        standing.stand_on_ground(None, &plane, &up);
         let standing = standing.refined(&noise, true);
         let bottom = |fit: &Fit| {
             let frame = &fit.problem.measurements.frame;

@@ -19,9 +19,6 @@ const MIN_START_AXIS_RATIO: f64 = 0.2;
 /// A start farther than this (object sizes) from the triangulated center is rejected.
 const FARTHEST_START: f64 = 20.0;
 
-/// Directions about the vertical from which a body of unknown size that stands starts, over a quarter of a circle.
-const YAW_STARTS: usize = 4;
-
 /// Semi-axes of an upright start whose size is not known, relative to their mean.
 const UPRIGHT_START_ASPECT: Vector3<f64> = Vector3::new(1.3, 0.8, 0.96);
 
@@ -45,8 +42,8 @@ pub(crate) fn ellipsoid_from_quadric(quadric: &DualQuadric) -> Option<EllipsoidM
 /// Starts of a body of a form, from a fitted ellipsoid.
 ///
 /// With a category size they are upright boxes of that size in four directions at `centers`; otherwise the ellipsoid's
-/// own axes, those turned by 45 degrees ([`turned_axes`]) and rotations spread evenly (upright ones where `up` is known and asked
-/// for).
+/// own axes, those turned by 45 degrees ([`turned_axes`]) and rotations spread evenly, or its own axes set upright where `up` is known
+/// and asked for.
 pub(crate) fn oriented_starts(
     ellipsoid: &EllipsoidModel,
     form: Form,
@@ -61,14 +58,7 @@ pub(crate) fn oriented_starts(
         (Some(up), None) => {
             let Some((axes, sizes)) = set_upright(ellipsoid, &up) else { return starts };
             let sizes = sizes * form.relative_size();
-            let side = (sizes.x * sizes.y).sqrt();
-            for turn in 0..YAW_STARTS {
-                // With equal sides a body is the same after a quarter of a circle.
-                let angle = std::f64::consts::FRAC_PI_2 / YAW_STARTS as f64 * turn as f64;
-                let turned = axes * Rotation3::from_axis_angle(&Vector3::z_axis(), angle).matrix();
-                let sizes = if turn == 0 { sizes } else { Vector3::new(side, side, sizes.z) };
-                starts.push(OrientedModel::new(*ellipsoid.center(), turned, sizes, form));
-            }
+            starts.push(OrientedModel::new(*ellipsoid.center(), axes, sizes, form));
         }
         (Some(up), Some(size)) => {
             let semi_axes = Vector3::from(size.map(|(mean, _)| mean.exp()));

@@ -34,9 +34,6 @@ pub(crate) const ELLIPSOID: usize = 0;
 pub(crate) const CUBOID: usize = KINDS - 2;
 pub(crate) const CYLINDER: usize = KINDS - 1;
 
-/// The kind that is tested first against the ellipsoid: it also fits the boxes of any body with edges better.
-pub(crate) const TRIED: usize = 2;
-
 /// A cylinder has eight ways to name its axes where a cuboid has 24: twice the logarithm of the ratio.
 const LOG_AXES_OF_CYLINDER: f64 = 2.197_224_577_336_219_6;
 
@@ -105,55 +102,48 @@ impl KindFit {
 pub(crate) struct BodyEvidence {
     /// The category of the object.
     pub(crate) category: Option<usize>,
+    /// Whether the size of its category is known, which is that of a box.
+    pub(crate) sized: bool,
     /// Logarithm of the density of an edge of a wrong box, over that of an edge of the object at its most probable place.
     pub(crate) log_wrong: f64,
-    /// The fit of each kind; `None` where it was not tried.
+    /// The fit of each kind; `None` where it failed.
     pub(crate) fits: [Option<KindFit>; KINDS],
-    /// For each kind the correlation of an edge's residuals in views that follow each other, times the number of pairs, and
-    /// that number.
-    pub(crate) neighbors: [[f64; 2]; KINDS],
 }
 
 impl BodyEvidence {
-    /// Evidence of an ellipsoid and of the kind that is tested first, from the fit of an ellipsoid; `None` if it cannot
-    /// be computed.
-    pub(crate) fn first(fit: &Fit, noise: &NoiseLevels, context: &MapContext) -> Option<Self> {
+    /// The evidence about a fitted object; `None` if it cannot be computed.
+    pub(crate) fn of(fit: &Fit, noise: &NoiseLevels, context: &MapContext) -> Option<Self> {
         let views = &fit.problem.views;
         // Ellipses are outlines of ellipsoids only.
         if views.views.iter().any(|view| view.ellipse.is_some()) {
             return None;
         }
-        let search = BodySearch::new(fit, noise, context)?;
+        let search = BodySearch::new(fit, noise, context);
         if search.object.measurements.edges.len() <= PARAMETERS {
             return None;
         }
         let log_wrong = log_wrong_edge(noise);
-        let (fits, neighbors) = (std::array::from_fn(|_| None), [[0.0; 2]; KINDS]);
-        let mut evidence = Self { category: views.category_index, log_wrong, fits, neighbors };
+        let sized = fit.problem.prior.log_size.is_some();
+        let fits = std::array::from_fn(|_| None);
+        let mut evidence = Self { category: views.category_index, sized, log_wrong, fits };
         let round = search.starts(Form::Exponent(2.0)).into_iter().take(1).collect();
         evidence.take(ELLIPSOID, &search, round, 1);
         evidence.fits[ELLIPSOID].as_ref()?;
-        evidence.take(TRIED, &search, search.starts(form_of(TRIED)), 1);
-        Some(evidence)
-    }
-
-    /// The same with that of all other kinds.
-    pub(crate) fn with_others(mut self, fit: &Fit, noise: &NoiseLevels, context: &MapContext) -> Self {
-        let Some(search) = BodySearch::new(fit, noise, context) else { return self };
-        let any_way = oriented_starts(search.ellipsoid, Form::Cuboid, &search.object.prior, &[], 0);
-        self.take(CUBOID, &search, any_way, ALL);
+        let any_way = oriented_starts(&search.ellipsoid, Form::Cuboid, &search.object.prior, &[], 0);
+        evidence.take(CUBOID, &search, any_way, ALL);
         // Bodies that are about as angular have about the same place, size and directions.
         for kind in (1..CUBOID).rev() {
             let mut starts = search.starts(form_of(kind));
-            starts.extend(self.like(kind + 1, form_of(kind)));
-            self.take(kind, &search, starts, ALL);
+            starts.extend(evidence.like(kind + 1, form_of(kind)));
+            evidence.take(kind, &search, starts, ALL);
         }
         for kind in 2..=CUBOID {
-            self.take(kind, &search, self.like(kind - 1, form_of(kind)).into_iter().collect(), 1);
+            let like = evidence.like(kind - 1, form_of(kind)).into_iter().collect();
+            evidence.take(kind, &search, like, 1);
         }
-        let lying = search.starts(Form::Cylinder).into_iter().chain(self.like(CUBOID, Form::Cylinder));
-        self.take(CYLINDER, &search, lying.flat_map(|start| along_each_axis(&start)).collect(), ALL);
-        self
+        let lying = search.starts(Form::Cylinder).into_iter().chain(evidence.like(CUBOID, Form::Cylinder));
+        evidence.take(CYLINDER, &search, lying.flat_map(|start| along_each_axis(&start)).collect(), ALL);
+        Some(evidence)
     }
 
     /// The fitted body of a kind as a start of another one.
@@ -176,28 +166,27 @@ impl BodyEvidence {
         if kind == CYLINDER {
             freedom += LOG_AXES_OF_CYLINDER + elongation(&body, &equations);
         }
-        self.neighbors[kind] = objective.statistics(&body, &equations, search.correlated_views).neighbors_of_edges();
         let views = objective.costs_and_residuals(&body);
         self.fits[kind] = Some(KindFit { views, freedom, cost: equations.cost, body });
     }
 
-    /// Logarithms of the evidences over that of an ellipsoid, minus infinity for kinds that were not tried. The noise of an object is
-    /// about that of the scene: its variance has an inverse gamma distribution around `variance`. Only this share of the residuals counts.
-    pub(crate) fn log_odds(&self, variance: f64, independent: f64) -> [f64; KINDS] {
-        let log = |fit: &KindFit| self.log_evidence(fit, variance, independent);
+    /// Logarithms of the evidences over that of an ellipsoid, minus infinity for kinds that could not be fitted. The noise of an object is
+    /// about that of the scene: its variance has an inverse gamma distribution around `variance`.
+    pub(crate) fn log_odds(&self, variance: f64) -> [f64; KINDS] {
+        let log = |fit: &KindFit| self.log_evidence(fit, variance);
         let ellipsoid = self.fits[ELLIPSOID].as_ref().map_or(0.0, log);
         std::array::from_fn(|k| self.fits[k].as_ref().map_or(f64::NEG_INFINITY, |fit| log(fit) - ellipsoid))
     }
 
     /// The evidence with the noise of the object integrated out, up to a constant.
-    fn log_evidence(&self, fit: &KindFit, variance: f64, independent: f64) -> f64 {
+    fn log_evidence(&self, fit: &KindFit, variance: f64) -> f64 {
         let [first, last] = LOG_VARIANCES;
         let count = ((last - first) / LOG_VARIANCE_STEP) as usize;
         let logs: Vec<f64> = (0..=count)
             .map(|k| {
                 let log = first + LOG_VARIANCE_STEP * k as f64;
                 let prior = -0.5 * DOF_OF_SCENE * (log + (-log).exp());
-                prior + independent * self.log_likelihood(fit, variance * log.exp())
+                prior + self.log_likelihood(fit, variance * log.exp())
             })
             .collect();
         let largest = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -275,22 +264,22 @@ fn elongation(body: &Model, equations: &NormalEquations) -> f64 {
 /// An object whose kind is looked for.
 struct BodySearch<'a> {
     fit: &'a Fit,
-    ellipsoid: &'a EllipsoidModel,
+    ellipsoid: EllipsoidModel,
     noise: &'a NoiseLevels,
     object: ObjectProblem,
-    /// Whether views that follow each other may err alike.
-    correlated_views: bool,
 }
 
 impl<'a> BodySearch<'a> {
-    /// `None` where the fit is none of an ellipsoid.
-    fn new(fit: &'a Fit, noise: &'a NoiseLevels, context: &MapContext) -> Option<Self> {
-        let Model::Ellipsoid(ellipsoid) = &fit.body else { return None };
+    fn new(fit: &'a Fit, noise: &'a NoiseLevels, context: &MapContext) -> Self {
+        let ellipsoid = match &fit.body {
+            Model::Ellipsoid(ellipsoid) => ellipsoid.clone(),
+            body => EllipsoidModel::from_axes(*body.center(), *body.axes(), body.semi_axes()),
+        };
         let (mut views, frame) = (fit.problem.views.clone(), fit.problem.measurements.frame);
         // The sizes of a source of 3D boxes mean the kind of body that it was made for.
         views.views.iter_mut().for_each(|view| view.cues = Cues::default());
         let object = ObjectProblem::in_frame(views, frame, BodyKind::Superellipsoid(2.0), context);
-        Some(Self { fit, ellipsoid, noise, object, correlated_views: context.options.correlated_views })
+        Self { fit, ellipsoid, noise, object }
     }
 
     fn objective(&self) -> Objective<'_> {
@@ -301,7 +290,7 @@ impl<'a> BodySearch<'a> {
     fn starts(&self, form: Form) -> Vec<OrientedModel> {
         let (center, size) = (*self.fit.body.center(), form.relative_size());
         let start = |(axes, sizes): (_, Vector3<f64>)| OrientedModel::new(center, axes, sizes * size, form);
-        turned_axes(self.ellipsoid, &self.object.prior).into_iter().map(start).collect()
+        turned_axes(&self.ellipsoid, &self.object.prior).into_iter().map(start).collect()
     }
 }
 

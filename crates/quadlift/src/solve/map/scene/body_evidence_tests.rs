@@ -10,7 +10,7 @@ fn seen(ellipsoid: &[f64], cuboid: &[f64]) -> BodyEvidence {
     let fit = |costs: &[f64]| Some(KindFit::of_views(costs.iter().map(|cost| (*cost, 4)).collect(), 10.0));
     let mut fits = std::array::from_fn(|_| None);
     (fits[ELLIPSOID], fits[CUBOID]) = (fit(ellipsoid), fit(cuboid));
-    BodyEvidence { category: None, log_wrong: -4.0, fits, neighbors: [[0.0; 2]; KINDS] }
+    BodyEvidence { category: None, sized: false, log_wrong: -4.0, fits }
 }
 
 /// A kind that gives up views that another one explains is the less probable one, however well it fits the rest.
@@ -21,12 +21,12 @@ fn views_that_a_kind_rejects_count_against_it() {
     ellipsoid[18..].fill(900.0);
     cuboid[14..].fill(400.0);
     let evidence = seen(&ellipsoid, &cuboid);
-    let odds = |variance| evidence.log_odds(variance, 1.0)[CUBOID];
+    let odds = |variance| evidence.log_odds(variance)[CUBOID];
     assert!(odds(0.01 / 4.0) < -20.0, "{}", odds(0.01 / 4.0));
     // With the same views rejected the better fit wins.
     cuboid[14..18].fill(1e-4);
     let evidence = seen(&ellipsoid, &cuboid);
-    assert!(evidence.log_odds(1e-4, 1.0)[CUBOID] > 20.0);
+    assert!(evidence.log_odds(1e-4)[CUBOID] > 20.0);
     assert_eq!(evidence.best().0, CUBOID);
 }
 
@@ -46,7 +46,7 @@ fn the_sum_over_variances_is_the_integral() {
         let mut evidence = seen(&[ellipsoid; 10], &[cuboid; 10]);
         evidence.log_wrong = -100.0;
         let expected = -19.5 * f64::ln((10.0 * cuboid + 8.0 * variance) / (10.0 * ellipsoid + 8.0 * variance));
-        let found = evidence.log_odds(variance, 1.0)[CUBOID];
+        let found = evidence.log_odds(variance)[CUBOID];
         assert!((found - expected).abs() < 0.02, "{found} {expected}");
     }
 }
@@ -86,7 +86,7 @@ fn of_bodies_that_fit_alike_the_one_of_less_freedom_is_the_more_probable() {
     let mut evidence = seen(&[2.0; 10], &[2.0; 10]);
     for (freedom, best) in [(16.0, ELLIPSOID), (4.0, CUBOID)] {
         evidence.fits[CUBOID].as_mut().unwrap().freedom = freedom;
-        let found = evidence.log_odds(0.7, 1.0)[CUBOID];
+        let found = evidence.log_odds(0.7)[CUBOID];
         assert!((found - 0.5 * (10.0 - freedom)).abs() < 1e-9, "{found}");
         assert_eq!(evidence.best().0, best);
     }
@@ -102,8 +102,8 @@ fn the_freedom_is_that_of_the_normal_equations_and_the_priors() {
         let problem = ObjectProblem::new(views_of(0), BodyKind::Ellipsoid, context).unwrap();
         let mut fit = Fit::first(problem, &noise, context).unwrap();
         fit.ground = Some((Plane { n: Vector3::z(), d: 0.9 }, 5.0));
-        let evidence = BodyEvidence::first(&fit, &noise, context).unwrap().with_others(&fit, &noise, context);
-        let search = BodySearch::new(&fit, &noise, context).unwrap();
+        let evidence = BodyEvidence::of(&fit, &noise, context).unwrap();
+        let search = BodySearch::new(&fit, &noise, context);
         for kind in 0..KINDS {
             let found = evidence.fits[kind].as_ref().unwrap();
             let Model::Oriented(body) = &found.body else { panic!("an oriented body") };

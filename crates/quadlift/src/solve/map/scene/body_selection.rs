@@ -7,11 +7,11 @@
 
 use std::collections::BTreeMap;
 
-use super::body_evidence::{BodyEvidence, CUBOID, CYLINDER, ELLIPSOID, EXPONENTS, KINDS, TRIED, kind_of};
+use super::body_evidence::{BodyEvidence, CUBOID, CYLINDER, ELLIPSOID, EXPONENTS, KINDS, kind_of};
 use crate::optimize::chi_square::per_dof;
 use crate::parallel::map_indices;
 use crate::solve::map::context::MapContext;
-use crate::solve::map::noise::levels::{LARGEST_CORRELATION, NoiseLevels};
+use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::object::agreement::weighted_median;
 use crate::solve::map::object::fit::Fit;
 use crate::solve::options::BodyKind;
@@ -22,21 +22,8 @@ const OTHERS: f64 = 0.01;
 /// Weight of what is known beforehand, and of what is known of the scene against the category, in objects.
 const WEIGHT_OF_PRIOR: f64 = 1.0;
 
-/// Probability of being no ellipsoid, judged by the kind that is tried first, from which on the other kinds are tried as
-/// well.
-const WORTH_TRYING: f64 = 0.05;
-
-/// Up to so many objects all kinds are tried for each, which takes some milliseconds an object: in few views of a biased
-/// detector one kind alone does not tell. With 8 views over 60 degrees and edges that are 4 % off (`quadlift-bench kinds`) the
-/// IoU of cuboids is 0.67, and 0.46 where only what seems to be no ellipsoid is tried further.
-const FEW_OBJECTS: usize = 24;
-
 /// Kinds that are at least this share as probable as the most probable one count as equally probable: the roundest of them is taken.
 const AS_PROBABLE: f64 = 0.5;
-
-/// Variance of the residuals, over that of the noise of the ellipsoids, far below which the best kinds are exact: what is alike in
-/// neighboring views is then the pull of the priors.
-const MUCH_LESS_THAN_NOISE: f64 = 0.1;
 
 /// Rounds in which shares and probabilities are adjusted to each other.
 const ROUNDS: usize = 50;
@@ -45,18 +32,8 @@ const ROUNDS: usize = 50;
 #[derive(Debug, Clone)]
 pub(crate) struct BodyKinds {
     of_each: Vec<BodyKind>,
-    /// What the kind of another object is found from; `None` where it is given, or nothing can be told.
-    found: Option<Found>,
-}
-
-/// What was found about the kinds of a scene.
-#[derive(Debug, Clone)]
-struct Found {
-    noise: NoiseLevels,
-    /// Whether an object is an ellipsoid or of the kind that is tried first.
-    first: Pooled,
-    /// Which of all kinds it is.
-    all: Pooled,
+    /// What the kind of another object is found from, with the noise; `None` where it is given, or nothing can be told.
+    found: Option<(NoiseLevels, Pooled)>,
 }
 
 impl BodyKinds {
@@ -65,30 +42,22 @@ impl BodyKinds {
         Self { of_each: vec![kind; count.max(1)], found: None }
     }
 
-    /// The kind of each object, where all were fitted as ellipsoids.
+    /// The kind of each object, where each was fitted as one of its `first` kind.
     ///
     /// `noise` takes the views as independent: a body of the wrong kind errs alike in neighboring views, so that what looks
     /// like correlation is what is looked for.
-    pub(crate) fn among(fits: &[Option<&Fit>], noise: NoiseLevels, context: &MapContext) -> Self {
-        let ellipsoids = Self::given(BodyKind::Ellipsoid, fits.len());
+    pub(crate) fn among(fits: &[Option<&Fit>], first: Vec<BodyKind>, noise: NoiseLevels, context: &MapContext) -> Self {
+        let first_kinds = Self { of_each: first, found: None };
         let told: Vec<(usize, &Fit)> = fits.iter().enumerate().filter_map(|(k, fit)| Some((k, (*fit)?))).collect();
-        let first = map_indices(told.len(), |k| BodyEvidence::first(told[k].1, &noise, context));
-        let (told, evidence): (Vec<_>, Vec<_>) = told.into_iter().zip(first).filter_map(|(t, e)| Some((t, e?))).unzip();
-        let Some((first, probabilities)) = Pooled::among(&evidence, EVEN) else { return ellipsoids };
-        let evidence = map_indices(told.len(), |k| {
-            let evidence = evidence[k].clone();
-            if told.len() <= FEW_OBJECTS || first.may_be_another(&evidence, &probabilities[k]) {
-                evidence.with_others(told[k].1, &noise, context)
-            } else {
-                evidence
-            }
-        });
-        let Some((all, probabilities)) = Pooled::among(&evidence, MOSTLY_ELLIPSOIDS) else { return ellipsoids };
-        let mut of_each = ellipsoids.of_each;
+        let evidence = map_indices(told.len(), |k| BodyEvidence::of(told[k].1, &noise, context));
+        let (told, evidence): (Vec<_>, Vec<_>) =
+            told.into_iter().zip(evidence).filter_map(|(told, evidence)| Some((told, evidence?))).unzip();
+        let Some((pooled, probabilities)) = Pooled::among(&evidence) else { return first_kinds };
+        let mut of_each = first_kinds.of_each;
         for ((object, _), probabilities) in told.iter().zip(&probabilities) {
             of_each[*object] = kind_of(most_probable(probabilities));
         }
-        Self { of_each, found: Some(Found { noise, first, all }) }
+        Self { of_each, found: Some((noise, pooled)) }
     }
 
     /// The kind of each object.
@@ -102,22 +71,24 @@ impl BodyKinds {
         self.of_each.iter().all(|kind| *kind == first).then_some(first)
     }
 
-    /// The kind of another object of the scene, fitted as an ellipsoid.
+    /// The kind of another object of the scene, fitted as one of its first kind.
     pub(crate) fn of_other(&self, fit: &Fit, context: &MapContext) -> BodyKind {
-        let Some(Found { noise, first, all }) = &self.found else { return BodyKind::Ellipsoid };
-        let Some(mut evidence) = BodyEvidence::first(fit, noise, context) else { return BodyKind::Ellipsoid };
-        if first.may_be_another(&evidence, &first.of_another(&evidence)) {
-            evidence = evidence.with_others(fit, noise, context);
-        }
-        kind_of(most_probable(&all.of_another(&evidence)))
+        let kind = fit.problem.kind;
+        let Some((noise, pooled)) = &self.found else { return kind };
+        let evidence = BodyEvidence::of(fit, noise, context);
+        evidence.map_or(kind, |evidence| kind_of(most_probable(&pooled.of_another(&evidence))))
     }
 }
 
 /// A number for each kind.
 type OfEach = [f64; KINDS];
 
-/// Probabilities before anything is known: of an ellipsoid and what is tried first, and of all kinds.
-const EVEN: fn(usize) -> f64 = |kind| if kind == ELLIPSOID || kind == TRIED { 0.5 } else { 0.0 };
+/// Probabilities of the kinds before anything is known, of what the size is known: lengths, widths and heights are those of boxes.
+const MOSTLY_CUBOIDS: fn(usize) -> f64 = |kind| match kind {
+    CUBOID => 1.0 - OTHERS,
+    _ => OTHERS / (KINDS - 1) as f64,
+};
+/// The same of everything else.
 const MOSTLY_ELLIPSOIDS: fn(usize) -> f64 = |kind| match kind {
     ELLIPSOID => 1.0 - OTHERS,
     CUBOID | CYLINDER => OTHERS / 3.0,
@@ -127,82 +98,65 @@ const MOSTLY_ELLIPSOIDS: fn(usize) -> f64 = |kind| match kind {
 /// What the objects of a scene tell about the kinds together.
 #[derive(Debug, Clone)]
 struct Pooled {
-    before: OfEach,
     /// Expected numbers of objects of each kind: of all objects, and of each category.
     counts: OfEach,
     counts_of_category: BTreeMap<Option<usize>, OfEach>,
     /// Squared residual per degree of freedom of the median object.
     variance: f64,
-    /// Share of the residuals that count, see [`independent_share`].
-    independent: f64,
 }
 
 impl Pooled {
     /// With the probabilities of the kinds of each object, given the others; `None` where the objects tell nothing.
-    fn among(told: &[BodyEvidence], before: fn(usize) -> f64) -> Option<(Self, Vec<OfEach>)> {
+    fn among(told: &[BodyEvidence]) -> Option<(Self, Vec<OfEach>)> {
         let best: Vec<_> = told.iter().map(BodyEvidence::best).collect();
         // The median: one object that no kind fits would drown the noise of the others.
         let told_by = best.iter().filter(|(_, _, dof)| *dof > 0.0);
         let mut variances: Vec<_> = told_by.map(|(_, variance, dof)| (variance / per_dof(*dof, 0.0), *dof)).collect();
         let variance = weighted_median(&mut variances)?;
-        let neighbors = told.iter().zip(&best).map(|(evidence, (kind, ..))| evidence.neighbors[*kind]);
-        let independent = independent_share(neighbors, variance);
         let (counts, counts_of_category) = ([0.0; KINDS], BTreeMap::new());
-        let mut pooled =
-            Self { before: std::array::from_fn(before), counts, counts_of_category, variance, independent };
-        let log_odds: Vec<OfEach> = told.iter().map(|evidence| evidence.log_odds(variance, independent)).collect();
+        let mut pooled = Self { counts, counts_of_category, variance };
+        let log_odds: Vec<OfEach> = told.iter().map(|evidence| evidence.log_odds(variance)).collect();
         let mut probabilities: Vec<OfEach> = log_odds.iter().map(|odds| posterior(odds, &[1.0; KINDS])).collect();
         for (evidence, probabilities) in told.iter().zip(&probabilities) {
-            pooled.count(evidence.category, probabilities, 1.0);
+            pooled.count(evidence, probabilities, 1.0);
         }
         for _ in 0..ROUNDS {
             for (k, evidence) in told.iter().enumerate() {
                 // By what the others are.
-                pooled.count(evidence.category, &probabilities[k], -1.0);
-                probabilities[k] = posterior(&log_odds[k], &pooled.shares(evidence.category));
-                pooled.count(evidence.category, &probabilities[k], 1.0);
+                pooled.count(evidence, &probabilities[k], -1.0);
+                probabilities[k] = posterior(&log_odds[k], &pooled.shares(evidence));
+                pooled.count(evidence, &probabilities[k], 1.0);
             }
         }
         Some((pooled, probabilities))
     }
 
-    fn count(&mut self, category: Option<usize>, probabilities: &OfEach, sign: f64) {
-        let of_category = self.counts_of_category.entry(category).or_insert([0.0; KINDS]);
+    /// Objects of known size tell the kinds of their category alone.
+    fn count(&mut self, evidence: &BodyEvidence, probabilities: &OfEach, sign: f64) {
+        let of_category = self.counts_of_category.entry(evidence.category).or_insert([0.0; KINDS]);
         for k in 0..KINDS {
-            self.counts[k] += sign * probabilities[k];
             of_category[k] += sign * probabilities[k];
+            self.counts[k] += if evidence.sized { 0.0 } else { sign * probabilities[k] };
         }
     }
 
-    /// How often each kind occurs in a category.
-    fn shares(&self, category: Option<usize>) -> OfEach {
+    /// How often each kind occurs among what is like this object.
+    fn shares(&self, evidence: &BodyEvidence) -> OfEach {
         let pooled = |counts: &OfEach, prior: &OfEach| {
             let total = counts.iter().sum::<f64>().max(0.0) + WEIGHT_OF_PRIOR;
             std::array::from_fn(|k| (counts[k].max(0.0) + WEIGHT_OF_PRIOR * prior[k]) / total)
         };
-        let scene = pooled(&self.counts, &self.before);
-        self.counts_of_category.get(&category).map_or(scene, |counts| pooled(counts, &scene))
-    }
-
-    /// Whether an object may be no ellipsoid: by its own probabilities, or because other objects of the category are none.
-    fn may_be_another(&self, evidence: &BodyEvidence, probabilities: &OfEach) -> bool {
-        probabilities[TRIED].max(self.shares(evidence.category)[TRIED]) > WORTH_TRYING
+        let scene = match evidence.sized {
+            true => std::array::from_fn(MOSTLY_CUBOIDS),
+            false => pooled(&self.counts, &std::array::from_fn(MOSTLY_ELLIPSOIDS)),
+        };
+        self.counts_of_category.get(&evidence.category).map_or(scene, |counts| pooled(counts, &scene))
     }
 
     /// Probabilities of the kinds of an object that was not counted.
     fn of_another(&self, evidence: &BodyEvidence) -> OfEach {
-        posterior(&evidence.log_odds(self.variance, self.independent), &self.shares(evidence.category))
+        posterior(&evidence.log_odds(self.variance), &self.shares(evidence))
     }
-}
-
-/// Share of the residuals that count: those that remain with the best kind of each object are alike in neighboring views
-/// where no kind is quite right, and then they say less about which one is. As of an autoregressive process with the
-/// correlation of neighbors.
-fn independent_share(neighbors: impl Iterator<Item = [f64; 2]>, variance: f64) -> f64 {
-    let sums = neighbors.fold([0.0; 2], |sums, [sum, pairs]| [sums[0] + sum, sums[1] + pairs]);
-    let correlation = if sums[1] > 0.0 { (sums[0] / sums[1]).clamp(0.0, LARGEST_CORRELATION) } else { 0.0 };
-    let correlation = correlation * variance / (variance + MUCH_LESS_THAN_NOISE);
-    (1.0 - correlation) / (1.0 + correlation)
 }
 
 /// Probabilities from logarithms of odds and what is probable beforehand.
@@ -233,11 +187,11 @@ mod tests {
         let mut fits = std::array::from_fn(|_| None);
         fits[ELLIPSOID] = fit(ellipsoid);
         fits[CUBOID] = fit(cuboid);
-        BodyEvidence { category: Some(category), log_wrong: -3.0, fits, neighbors: [[0.0; 2]; KINDS] }
+        BodyEvidence { category: Some(category), sized: false, log_wrong: -3.0, fits }
     }
 
     fn body_kinds(told: &[BodyEvidence]) -> Vec<BodyKind> {
-        let (_, probabilities) = Pooled::among(told, MOSTLY_ELLIPSOIDS).unwrap();
+        let (_, probabilities) = Pooled::among(told).unwrap();
         probabilities.iter().map(|probabilities| kind_of(most_probable(probabilities))).collect()
     }
 
@@ -265,11 +219,11 @@ mod tests {
     #[test]
     fn another_object_is_judged_like_those_that_were_counted() {
         let told = vec![object(0, 90.0, 30.0); 6];
-        let (pooled, probabilities) = Pooled::among(&told, MOSTLY_ELLIPSOIDS).unwrap();
+        let (pooled, probabilities) = Pooled::among(&told).unwrap();
         let another = pooled.of_another(&told[0]);
         assert!((another[CUBOID] - probabilities[0][CUBOID]).abs() < 1e-3, "{another:?}");
         // Of the six that were counted and the one known beforehand.
-        let share = pooled.shares(Some(0))[CUBOID];
+        let share = pooled.shares(&told[0])[CUBOID];
         assert!((0.95..1.0).contains(&share), "{share}");
     }
 
@@ -284,21 +238,11 @@ mod tests {
         assert_eq!(most_probable(&probabilities), CUBOID);
     }
 
-    /// Where the residuals of neighboring views are alike there are as many independent ones as for an autoregressive
-    /// process: `(1 - r) / (1 + r)` of them.
+    /// Noise of the scene counts as eight residuals, of 40 less nine parameters: (31 + 8) / 2 ln((90 + 8) / (30 + 8)).
     #[test]
-    fn residuals_that_are_alike_in_neighboring_views_count_less() {
-        // The correlation of 0.5 shrinks where the residuals are much smaller than the noise.
-        let share = |variance| independent_share(std::iter::once([15.0, 30.0]), variance);
-        assert!((share(1e9) - 1.0 / 3.0).abs() < 1e-9);
-        assert!((share(0.1) - 0.6).abs() < 1e-12);
-        assert!(share(1e-9) > 1.0 - 1e-6);
-        let one = object(0, 90.0, 30.0);
-        let odds = |independent| one.log_odds(1.0, independent)[CUBOID];
-        // Noise of the scene counts as eight residuals, of 40 less nine parameters: (31 + 8) / 2 ln((90 + 8) / (30 + 8)).
-        assert!((odds(1.0) - 19.5 * (98.0_f64 / 38.0).ln()).abs() < 1e-2, "{}", odds(1.0));
-        let ratio = odds(1.0 / 3.0) / odds(1.0);
-        assert!((0.25..0.5).contains(&ratio), "{ratio}");
+    fn the_noise_of_an_object_is_integrated_out() {
+        let odds = object(0, 90.0, 30.0).log_odds(1.0)[CUBOID];
+        assert!((odds - 19.5 * (98.0_f64 / 38.0).ln()).abs() < 1e-2, "{odds}");
     }
 
     /// The probability of one object, and of two that know of each other, against the equations of the shares.
@@ -308,12 +252,12 @@ mod tests {
         let before = 0.01 / 3.0;
         for cuboid in [20.0, 24.0, 28.0] {
             let told = [object(0, 30.0, cuboid)];
-            let (pooled, one) = Pooled::among(&told, MOSTLY_ELLIPSOIDS).unwrap();
-            let odds = told[0].log_odds(pooled.variance, pooled.independent)[CUBOID].exp();
+            let (pooled, one) = Pooled::among(&told).unwrap();
+            let odds = told[0].log_odds(pooled.variance)[CUBOID].exp();
             let expected = odds * before / (odds * before + 0.99);
             assert!((one[0][CUBOID] - expected).abs() < 1e-9, "{} {expected}", one[0][CUBOID]);
             let told = [object(0, 30.0, cuboid), object(0, 30.0, cuboid)];
-            let (_, two) = Pooled::among(&told, MOSTLY_ELLIPSOIDS).unwrap();
+            let (_, two) = Pooled::among(&told).unwrap();
             let mut expected = 1.0;
             for _ in 0..1000 {
                 let share = |known: f64, prior: f64| (known + (known + prior) / 2.0) / 2.0;
@@ -324,27 +268,15 @@ mod tests {
         }
     }
 
+    /// Of two that tell as little, what the size of one is known of.
     #[test]
-    fn all_kinds_are_tried_where_other_objects_of_the_category_are_no_ellipsoids() {
-        let tried = |category: usize, ellipsoid: f64, other: f64| {
-            let mut evidence = object(category, ellipsoid, other);
-            evidence.fits.swap(CUBOID, TRIED);
-            evidence
-        };
-        let mut told = vec![tried(0, 90.0, 30.0); 12];
-        told.extend(vec![tried(1, 30.0, 90.0); 12]);
-        let (pooled, _) = Pooled::among(&told, EVEN).unwrap();
-        // One that is an ellipsoid by itself, in each of the categories.
-        for (category, expected) in [(0, true), (1, false)] {
-            let evidence = tried(category, 30.0, 90.0);
-            let probabilities = pooled.of_another(&evidence);
-            assert!(probabilities[TRIED] < 0.05, "{probabilities:?}");
-            assert_eq!(pooled.may_be_another(&evidence, &probabilities), expected, "{category}");
-        }
-        let mut probabilities = [0.0; KINDS];
-        for (probability, expected) in [(0.06, true), (0.04, false)] {
-            probabilities[TRIED] = probability;
-            assert_eq!(pooled.may_be_another(&tried(1, 30.0, 30.0), &probabilities), expected, "{probability}");
-        }
+    fn what_the_size_is_known_of_is_a_cuboid_unless_its_boxes_say_otherwise() {
+        let sized = |ellipsoid, cuboid| BodyEvidence { sized: true, ..object(1, ellipsoid, cuboid) };
+        assert_eq!(body_kinds(&[object(0, 30.0, 30.0), sized(30.0, 30.0)]), [BodyKind::Ellipsoid, BodyKind::Cuboid]);
+        assert_eq!(body_kinds(&[sized(30.0, 90.0)]), [BodyKind::Ellipsoid]);
+        // Nor do they tell what others are.
+        let mut told = vec![object(0, 30.0, 29.0)];
+        told.extend(vec![sized(90.0, 30.0); 6]);
+        assert_eq!(body_kinds(&told)[0], BodyKind::Ellipsoid);
     }
 }

@@ -1,6 +1,6 @@
 //! All objects of a scene together: rounds of noise levels, ground plane and refits, until they agree.
 
-use crate::tuning::UPRIGHT_SHARE;
+use crate::tuning::{CLEAR, UPRIGHT_SHARE};
 use std::sync::Arc;
 
 use super::body_selection::BodyKinds;
@@ -25,7 +25,7 @@ use crate::solve::map::object::objective::OUTLIER_SCALE;
 use crate::solve::map::object::problem::ObjectProblem;
 use crate::solve::map::shared::SharedErrors;
 use crate::solve::map::shared::cue_scales::{CueScales, Ratios};
-use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
+use crate::solve::map::shared::ground::GroundPlane;
 use crate::solve::map::shared::pose_prior::PosePrior;
 use crate::solve::map::shared::pose_terms::SceneTerms;
 use crate::solve::map::shared::poses::PoseCorrections;
@@ -53,12 +53,6 @@ const WELL_DETERMINED: f64 = 0.9;
 
 /// Change (of the logarithm) of a noise level after which poorly determined objects are fitted from their starts again.
 const RESTART_CHANGE: f64 = 0.7;
-
-/// Difference of the logarithms of two evidences from which the larger one wins.
-const MIN_EVIDENCE_GAIN: f64 = 5.0;
-
-/// Share of the noise levels below which exact data are taken to lie.
-const SMALLEST_LEVEL: f64 = 1e-2;
 
 /// The small noise, relative to the default.
 const SMALL_NOISE_FACTOR: f64 = 0.05;
@@ -89,9 +83,6 @@ pub(crate) struct SceneFit {
     pub(super) sizes: SceneSizes,
     /// Fraction of upright objects.
     upright_share: f64,
-    /// Noise levels under which lying and standing are compared: not above what the residuals themselves show, for in few
-    /// views the levels are drawn towards the default.
-    upright_noise: NoiseLevels,
 }
 
 impl SceneFit {
@@ -100,9 +91,7 @@ impl SceneFit {
         if !context.options.upright {
             return self;
         }
-        let level = median_level(self.fits().filter_map(|fit| fit.misfit(&self.noise)));
-        self.upright_noise = self.noise.scaled(level.clamp(SMALLEST_LEVEL, 1.0));
-        let standing = |k: usize| self.fits[k].as_ref().ok()?.standing(&self.upright_noise, context);
+        let standing = |k: usize| self.fits[k].as_ref().ok()?.standing(&self.noise, context);
         let standing = map_indices(self.fits.len(), standing);
         let log_odds: Vec<f64> = standing.iter().flatten().map(|(_, log_odds)| *log_odds).collect();
         self.upright_share = share_of_upright(&log_odds);
@@ -137,7 +126,7 @@ impl SceneFit {
             return scene;
         }
         let other = Self::settled(body_kinds, views_of, default.scaled(SMALL_NOISE_FACTOR), scales, context);
-        if other.evidence_over(&scene) > MIN_EVIDENCE_GAIN { other } else { scene }
+        if other.evidence_over(&scene) > CLEAR { other } else { scene }
     }
 
     /// The scales of cues that boxes alone show; `None` without cues.
@@ -186,10 +175,9 @@ impl SceneFit {
         let statistics = NoiseStatistics::default();
         let reference = Reference::among(&noise, std::iter::empty(), context.options);
         let poses = PoseCorrections::default();
-        let (upright_share, upright_noise) = (UPRIGHT_SHARE.get(), noise);
+        let upright_share = UPRIGHT_SHARE.get();
         let (ground, sizes) = (None, SceneSizes::default());
-        Self { fits, noise, statistics, reference, ground, poses, scales, sizes, upright_share, upright_noise }
-            .again(context)
+        Self { fits, noise, statistics, reference, ground, poses, scales, sizes, upright_share }.again(context)
     }
 
     /// Rounds of noise levels and refits, from these fits and levels.
@@ -215,7 +203,11 @@ impl SceneFit {
             noise = updated;
             ground = ground_plane(&fits, context);
             if let (Some(ground), Some(up)) = (&ground, &context.up) {
-                fits.iter_mut().flatten().for_each(|fit| fit.stand_on_ground(ground, up));
+                for (k, fit) in fits.iter_mut().enumerate() {
+                    if let Ok(fit) = fit {
+                        fit.stand_on_ground(Some(k), ground, up);
+                    }
+                }
             }
             // Poses would follow what the objects have not yet.
             let as_given = poses.is_empty();
@@ -338,7 +330,9 @@ impl SceneFit {
     /// The estimate of a fitted object.
     pub(crate) fn estimate(&self, index: usize, context: &MapContext) -> Estimate {
         match &self.fits[index] {
-            Ok(fit) => self.finished(fit, context).estimate(&self.noise, self.reference, self.shared(), context),
+            Ok(fit) => {
+                self.finished(Some(index), fit, context).estimate(&self.noise, self.reference, self.shared(), context)
+            }
             Err(failed) => (**failed).clone(),
         }
     }
@@ -388,7 +382,7 @@ impl SceneFit {
             ground: None,
             converged: false,
         };
-        self.put_down(&mut fit, context);
+        self.put_down(None, &mut fit, context);
         // The level takes all objects: only where it is needed.
         if let Some(size) = self.sizes.of(&fit) {
             fit = fit.with_learnt_size(size, self.size_level(), &self.noise, self.shared(), context);
@@ -398,8 +392,8 @@ impl SceneFit {
 
     /// The kind of body of another object of the scene.
     pub(crate) fn kind_of_other(&self, views: ObjectViews, body_kinds: &BodyKinds, context: &MapContext) -> BodyKind {
-        self.fit_other(views, BodyKind::Ellipsoid, context)
-            .map_or(BodyKind::Ellipsoid, |fit| body_kinds.of_other(&fit, context))
+        let first = context.first_kind(&views);
+        self.fit_other(views, first, context).map_or(first, |fit| body_kinds.of_other(&fit, context))
     }
 
     /// Another object of the scene, fitted from its starts under what the scene shares.
@@ -407,13 +401,12 @@ impl SceneFit {
         self.poses.apply(&mut views);
         self.scales.apply(&mut views);
         let mut fit = Fit::first(ObjectProblem::new(views, kind, context)?, &self.noise, context)?;
-        self.put_down(&mut fit, context);
+        self.put_down(None, &mut fit, context);
         let rounds = if fit.problem.has_several_starts() { RETRY_ROUNDS } else { 1 };
         let retry_starts_and_outliers =
             |fit: Fit| (0..rounds).fold(fit, |fit, round| fit.retry_starts_and_outliers(&self.noise, round, context));
         let fit = retry_starts_and_outliers(fit);
-        let upright =
-            fit.standing(&self.upright_noise, context).filter(|(_, log_odds)| stands(*log_odds, self.upright_share));
+        let upright = fit.standing(&self.noise, context).filter(|(_, log_odds)| stands(*log_odds, self.upright_share));
         let fit = upright.map_or(fit, |(upright, _)| retry_starts_and_outliers(upright));
         let fit = match self.sizes.of(&fit) {
             Some(size) => {
@@ -422,23 +415,24 @@ impl SceneFit {
             }
             None => fit,
         };
-        Ok(self.finished(&fit, context))
+        Ok(self.finished(None, &fit, context))
     }
 
-    /// A fit that has been through the rounds, to the end: without the views that contradict the others.
-    fn finished(&self, fit: &Fit, context: &MapContext) -> Fit {
+    /// A fit that has been through the rounds, to the end: without the views that contradict the others. `object` is its
+    /// index, if it was in the rounds.
+    fn finished(&self, object: Option<usize>, fit: &Fit, context: &MapContext) -> Fit {
         let mut fit = fit.refined(&self.noise, true);
         if let Some(mut without) = fit.without_one_view(&self.noise, self.reference, context) {
-            self.put_down(&mut without, context);
+            self.put_down(object, &mut without, context);
             fit = without.refined(&self.noise, true);
         }
         fit.without_far_views(&self.noise, self.reference, context)
     }
 
     /// Puts an object on the ground, if it stands there.
-    fn put_down(&self, fit: &mut Fit, context: &MapContext) {
+    fn put_down(&self, object: Option<usize>, fit: &mut Fit, context: &MapContext) {
         if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
-            fit.stand_on_ground(ground, up);
+            fit.stand_on_ground(object, ground, up);
         }
     }
 
@@ -503,8 +497,9 @@ fn usual_distance(fits: &[Result<Fit, Box<Estimate>>]) -> f64 {
 /// The ground plane under the objects that stand on it.
 fn ground_plane(fits: &[Result<Fit, Box<Estimate>>], context: &MapContext) -> Option<GroundPlane> {
     let up = context.up?;
-    let standing = fits.iter().flatten().filter(|fit| fit.is_on_ground());
-    let lowest: Vec<LowestPoint> = standing.filter_map(|fit| fit.lowest_point(&up)).collect();
+    let standing = fits.iter().enumerate().filter_map(|(k, fit)| Some((k, fit.as_ref().ok()?)));
+    let standing = standing.filter(|(_, fit)| fit.is_on_ground());
+    let lowest: Vec<_> = standing.filter_map(|(k, fit)| Some((k, fit.lowest_point(&up)?))).collect();
     GroundPlane::fit(&up, &lowest, &context.cameras, context.options.camera_height)
 }
 

@@ -9,6 +9,7 @@ use super::pose_system::{LARGEST_STEP, PoseEquations, PoseSystem};
 use super::pose_terms::SceneTerms;
 use super::poses::Motion;
 use crate::parallel::map_indices;
+use crate::tuning::CLEAR;
 
 /// Steps of the levels under the same equations, at most; the relative change below which they stand, and the number of parameters of the
 /// motions below which the measurements determine nothing.
@@ -18,9 +19,6 @@ const DETERMINED: f64 = 1.0;
 
 /// Factor by which a level changes in one of these steps, at most.
 const LARGEST_FREE_STEP: f64 = 16.0;
-
-/// Logarithm of the evidence for errors of poses, against poses that are exact, from which they are corrected.
-const MIN_EVIDENCE: f64 = 5.0;
 
 /// Standard deviations of the derivative of the evidence, and logarithm of the evidence, from which poses are suspected. Less than what
 /// corrections need: 5 is about three standard deviations.
@@ -91,7 +89,8 @@ impl PosePrior {
         let contender = |k: usize| Some((levels[k], Contender::new(equations, levels[k], self.estimated, &before)?));
         let found: Vec<(PoseLevels, Contender)> = map_indices(levels.len(), contender).into_iter().flatten().collect();
         let most = found.iter().map(|(_, found)| found.evidence).fold(f64::NEG_INFINITY, f64::max);
-        if starts && self.may_be_exact && most < MIN_EVIDENCE {
+        // Poses are corrected where it is clear that they are not exact.
+        if starts && self.may_be_exact && most < CLEAR {
             return Vec::new();
         }
         let mut found: Vec<_> = found.into_iter().filter(|(_, found)| found.evidence > most - CONTENDS).collect();
