@@ -280,6 +280,61 @@ fn new_poses_move_the_map() {
     assert_eq!(folder.read("again.json"), folder.read("moved.json"));
 }
 
+/// A map whose frames were others, or whose numbers were changed, would be wrong from there on.
+#[test]
+fn a_state_goes_on_with_its_own_recording_only() {
+    let folder = folder_with_stream();
+    let scene = folder.json("scene.json");
+    let lines = lines_of(&scene);
+    folder.write("first.jsonl", lines[..12].concat());
+    folder.succeed("stream first.jsonl -q --state state");
+    let state = folder.read("state");
+    let mut refused = |lines: &[String], expected: &str| {
+        let (events, code, told) = stream(&folder, "stream --state state --resume", &lines.concat());
+        assert!(code == 1 && events.is_empty() && told.contains(expected), "{code} {told}");
+        assert_eq!(folder.read("state"), state, "{expected}");
+    };
+    let mut moved = scene.clone();
+    moved["frames"][5]["cam_from_world"][0][3] = json!(0.5);
+    let expected = format!("frame {} has another pose or other boxes", scene["frames"][5]["id"]);
+    refused(&lines_of(&moved), &expected);
+    let mut other = scene.clone();
+    for frame in other["frames"].as_array_mut().unwrap() {
+        frame["id"] = json!(format!("other {}", frame["id"]));
+    }
+    refused(&lines_of(&other), "the state knows none of the 11 frames up to its time 10");
+    // What has not been observed may be anything.
+    let (events, code, told) = stream(&folder, "stream --state state --resume", &lines[12..].concat());
+    assert!(code == 0 && events.iter().filter(|line| !line["frame"].is_null()).count() == 9, "{told}");
+}
+
+#[test]
+fn a_state_with_another_digit_is_damaged() {
+    let folder = folder_with_stream();
+    folder.succeed("stream scene.jsonl -q --state state");
+    let state = folder.read("state");
+    let digits: Vec<usize> =
+        state.bytes().enumerate().filter(|(_, byte)| byte.is_ascii_digit()).map(|(k, _)| k).collect();
+    for place in digits.iter().step_by(digits.len() / 20) {
+        let digit = if state.as_bytes()[*place] == b'7' { "3" } else { "7" };
+        folder.write("damaged", format!("{}{digit}{}", &state[..*place], &state[place + 1..]));
+        let (_, code, told) = stream(&folder, "stream --state damaged --resume", "");
+        assert!(code == 1 && told.contains("damaged") || told.contains("version"), "{place}: {code} {told}");
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn the_file_behind_the_standard_input_is_not_overwritten() {
+    let folder = folder_with_stream();
+    let before = folder.read("scene.jsonl");
+    let input = std::fs::File::open(folder.path("scene.jsonl")).unwrap();
+    let output = program(&folder, "stream --map scene.jsonl").stdin(input).output().unwrap();
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(2) && told.contains("overwrite scene.jsonl"), "{told}");
+    assert_eq!(folder.read("scene.jsonl"), before);
+}
+
 /// Reads lines of the output until so many frames are done.
 fn wait_for_frames(child: &mut Child, frames: usize) -> BufReader<std::process::ChildStdout> {
     let mut out = BufReader::new(child.stdout.take().unwrap());

@@ -61,6 +61,15 @@ pub struct FrameLine {
     pub pose_noise: Option<PoseNoise>,
 }
 
+impl FrameLine {
+    /// Of the frame with its pose, and of the boxes: by it a stream that goes on knows its own frames.
+    pub(super) fn checksum(&self) -> u32 {
+        let boxes: Vec<_> = self.detections.iter().map(|detection| detection.bounding_box).collect();
+        // Records of numbers and text are always written.
+        serde_json::to_vec(&(&self.record, boxes)).map_or(0, |text| crc32fast::hash(&text))
+    }
+}
+
 /// A camera that is given in the frame that it made. It can have an `id`, by which other frames name it.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 pub struct CameraOfFrame {

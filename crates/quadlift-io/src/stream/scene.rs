@@ -28,6 +28,8 @@ pub struct StreamedScene {
     /// Cameras that were given in their frames without an id, by the ids that they have in the map file.
     unnamed: BTreeMap<String, CameraRecord>,
     frames: BTreeMap<String, FrameRecord>,
+    /// Checksums of these frames as they were given, with their detections.
+    given: BTreeMap<String, u32>,
 }
 
 /// A frame that is right.
@@ -37,6 +39,8 @@ pub struct CheckedFrame {
     pub frame: Frame,
     /// The frame as it is kept.
     record: FrameRecord,
+    /// Checksum of the frame as it was given.
+    given: u32,
     /// Its camera, where it was given in the frame, and whether it has an id of its own.
     camera: Option<(CameraRecord, bool)>,
     detections: Vec<DetectionRecord>,
@@ -80,12 +84,13 @@ impl StreamedScene {
     pub(super) fn from_parts(
         mut about: AboutRecord,
         frames: Vec<FrameRecord>,
+        given: BTreeMap<String, u32>,
         unnamed: Vec<CameraRecord>,
     ) -> Result<Self, EntryError> {
         let by_id = |camera: CameraRecord| (camera.id.clone(), camera);
         let cameras = std::mem::take(&mut about.cameras).into_iter().map(by_id).collect();
         let unnamed = unnamed.into_iter().map(by_id).collect();
-        let scene = Self { about, cameras, unnamed, frames: BTreeMap::new() };
+        let scene = Self { about, cameras, unnamed, given, frames: BTreeMap::new() };
         for (index, frame) in frames.iter().enumerate() {
             let error = |error: EntryError| EntryError::new(format!("frames[{index}].{}", error.entry), error.problem);
             scene.scene_of(frame, None, &[]).map_err(error)?;
@@ -93,15 +98,19 @@ impl StreamedScene {
         Ok(Self { frames: frames.into_iter().map(|frame| (frame.id.clone(), frame)).collect(), ..scene })
     }
 
-    /// What a state holds: name, unit, direction and cameras, the frames that the map keeps, and the cameras without an id that
-    /// made them.
-    pub(super) fn to_parts(&self, map: &ObjectMap) -> (AboutRecord, Vec<FrameRecord>, Vec<CameraRecord>) {
+    /// What a state holds: name, unit, direction and cameras, the frames that the map keeps with their checksums, and the cameras
+    /// without an id that made them.
+    pub(super) fn to_parts(
+        &self,
+        map: &ObjectMap,
+    ) -> (AboutRecord, Vec<FrameRecord>, BTreeMap<String, u32>, Vec<CameraRecord>) {
         let kept = map.kept_frames().filter_map(|frame| self.frames.get(&frame.id));
         let frames: Vec<FrameRecord> = kept.cloned().collect();
         let used: BTreeSet<&str> = frames.iter().filter_map(|frame| frame.camera.as_deref()).collect();
         let unnamed = self.unnamed.values().filter(|camera| used.contains(camera.id.as_str())).cloned().collect();
         let about = AboutRecord { cameras: self.cameras.values().cloned().collect(), ..self.about.clone() };
-        (about, frames, unnamed)
+        let given = frames.iter().filter_map(|frame| Some((frame.id.clone(), *self.given.get(&frame.id)?))).collect();
+        (about, frames, given, unnamed)
     }
 
     /// The world unit.
@@ -150,6 +159,12 @@ impl StreamedScene {
         Ok(())
     }
 
+    /// Whether a frame is the one of its id that was observed, whose pose may have been corrected since; `None` where that one was
+    /// forgotten.
+    pub fn is_as_given(&self, line: &FrameLine) -> Option<bool> {
+        self.given.get(&line.record.id).map(|given| *given == line.checksum())
+    }
+
     /// The camera with an id.
     pub fn camera(&self, id: &str) -> Option<&CameraRecord> {
         self.cameras.get(id).or_else(|| self.unnamed.get(id))
@@ -160,6 +175,7 @@ impl StreamedScene {
     /// # Errors
     /// [`EntryError`] names the entry that is wrong.
     pub fn check(&self, line: FrameLine, map: &ObjectMap) -> Result<CheckedFrame, EntryError> {
+        let given = line.checksum();
         let FrameLine { mut record, camera, detections, pose_noise } = line;
         // A frame that the map has forgotten may come again; in one file both would have the same id.
         if self.frames.contains_key(&record.id) && map.kept_frames().any(|frame| frame.id == record.id) {
@@ -190,7 +206,7 @@ impl StreamedScene {
             }
             frame.pose_noise = Some(noise);
         }
-        Ok(CheckedFrame { frame, record, camera, detections, boxes, cues, cue_sources, scaled_by_frame })
+        Ok(CheckedFrame { frame, record, given, camera, detections, boxes, cues, cue_sources, scaled_by_frame })
     }
 
     /// Keeps a frame that was observed.
@@ -199,10 +215,12 @@ impl StreamedScene {
             let cameras = if has_id { &mut self.cameras } else { &mut self.unnamed };
             cameras.insert(camera.id.clone(), camera);
         }
+        self.given.insert(frame.record.id.clone(), frame.given);
         self.frames.insert(frame.record.id.clone(), frame.record);
         if self.frames.len() > 2 * map.keyframes() + SLACK {
             let kept: BTreeSet<&str> = map.kept_frames().map(|frame| frame.id.as_str()).collect();
             self.frames.retain(|id, _| kept.contains(id.as_str()));
+            self.given.retain(|id, _| kept.contains(id.as_str()));
             let used: BTreeSet<&str> = self.frames.values().filter_map(|frame| frame.camera.as_deref()).collect();
             self.unnamed.retain(|id, _| used.contains(id.as_str()));
         }

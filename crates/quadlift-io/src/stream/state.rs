@@ -1,5 +1,6 @@
 //! The state of a stream in a file: what is needed to go on as if it had never ended.
 
+use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -46,6 +47,8 @@ struct StateRecord {
     about: AboutRecord,
     unnamed_cameras: Vec<CameraRecord>,
     frames: Vec<FrameRecord>,
+    /// Checksums of the frames as they were given.
+    given: BTreeMap<String, u32>,
     map: MapState,
 }
 
@@ -68,7 +71,7 @@ pub fn write_state(
     state: &StreamState,
     options: &Map<String, Value>,
 ) -> io::Result<()> {
-    let (about, frames, unnamed_cameras) = state.scene.to_parts(&state.map);
+    let (about, frames, given, unnamed_cameras) = state.scene.to_parts(&state.map);
     let record = StateRecord {
         format: STATE_FORMAT.to_owned(),
         version: STATE_VERSION,
@@ -78,10 +81,28 @@ pub fn write_state(
         about,
         unnamed_cameras,
         frames,
+        given,
         map: state.map.to_state(),
     };
-    serde_json::to_writer(&mut *out, &record)?;
-    out.write_all(b"\n")
+    let text = serde_json::to_string(&record)?;
+    writeln!(out, "{}{}", checksum(&text), text.trim_start_matches('{'))
+}
+
+/// The first field of a state with this text, which has no such field yet.
+fn checksum(text: &str) -> String {
+    format!("{{\"checksum\":\"{:08x}\",", crc32fast::hash(text.as_bytes()))
+}
+
+/// That a state is as it was written: numbers that were changed would lead to another map.
+fn check_checksum(path: &Path, text: &str) -> Result<(), ReadError> {
+    let rest = text.find(',').map(|comma| format!("{{{}", text[comma + 1..].trim_end_matches('\n')));
+    match rest {
+        Some(rest) if text.starts_with(&checksum(&rest)) => Ok(()),
+        _ => Err(ReadError::new(
+            path,
+            "the state is damaged: its checksum differs; start anew without --resume".to_owned(),
+        )),
+    }
 }
 
 /// Reads a state that was written with the same options.
@@ -109,6 +130,7 @@ pub fn parse_state_file(
     let error = |problem: String| ReadError::new(path, problem);
     let text = as_utf8(path, bytes)?;
     header(path, text)?;
+    check_checksum(path, text)?;
     let record: StateRecord = serde_json::from_str(text).map_err(|problem| json_error(path, &problem))?;
     for (name, now) in options {
         let before = record.options.get(name).unwrap_or(&Value::Null);
@@ -120,7 +142,7 @@ pub fn parse_state_file(
         }
     }
     let map = ObjectMap::from_state(map_options, record.map).map_err(|problem| error(problem.to_string()))?;
-    let scene = StreamedScene::from_parts(record.about, record.frames, record.unnamed_cameras)
+    let scene = StreamedScene::from_parts(record.about, record.frames, record.given, record.unnamed_cameras)
         .map_err(|problem| problem.in_file(path))?;
     Ok(StreamState { map, scene, poses_since: record.poses_since })
 }

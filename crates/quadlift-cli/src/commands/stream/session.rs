@@ -6,8 +6,8 @@ use quadlift::solve::PoseNoise;
 use quadlift_io::priors::check_meters;
 use quadlift_io::run::PriorSource;
 use quadlift_io::stream::{
-    AboutRecord, FrameLine, Line, LineError, MAX_LINE, NextLine, OutputLine, PoseRecord, StreamState, parse_line,
-    read_state_file,
+    AboutRecord, FrameLine, Line, LineError, MAX_LINE, NextLine, OutputLine, PoseRecord, StreamState, StreamedScene,
+    parse_line, read_state_file,
 };
 use serde_json::{Map, Value};
 
@@ -43,7 +43,47 @@ struct Passed {
     poses: u64,
     /// Whether the last frame came by; only poses are passed over then.
     is_over: bool,
+    /// Frames that were passed over, and those of them that the state knows.
+    frames: u64,
+    known: u64,
 }
+
+impl Passed {
+    /// Passes over a frame.
+    ///
+    /// # Errors
+    /// It is not the frame that was observed under its id.
+    fn pass(&mut self, line: &FrameLine, scene: &StreamedScene) -> anyhow::Result<()> {
+        let id = &line.record.id;
+        self.frames += 1;
+        match scene.is_as_given(line) {
+            Some(false) => {
+                bail!("frame {id:?} has another pose or other boxes than when it was observed. {OTHER_RECORDING}")
+            }
+            Some(true) => self.known += 1,
+            None => {}
+        }
+        // Times never go back: what is earlier was observed or refused, up to the last frame.
+        self.is_over = line.record.time.unwrap_or_default() == self.time && *id == self.frame;
+        Ok(())
+    }
+
+    /// That the frames that came by were those of the state.
+    ///
+    /// # Errors
+    /// None of them was.
+    fn end(&self) -> anyhow::Result<()> {
+        if self.frames > 0 && self.known == 0 {
+            let frames = count(self.frames as usize, "frame");
+            bail!("the state knows none of the {frames} up to its time {}. {OTHER_RECORDING}", self.time);
+        }
+        Ok(())
+    }
+}
+
+/// What to do about it.
+const OTHER_RECORDING: &str =
+    "The state is that of another recording; name its own with --state, or start anew without --resume";
 
 impl<'a> Session<'a> {
     /// A stream from its beginning, or from where its state is.
@@ -64,6 +104,8 @@ impl<'a> Session<'a> {
             frame: frame.to_owned(),
             poses: stream.poses_since,
             is_over: false,
+            frames: 0,
+            known: 0,
         });
         Ok(Self {
             passed,
@@ -94,7 +136,7 @@ impl<'a> Session<'a> {
         while self.is_read {
             let before = self.stream.map.frames();
             let (number, line) = match source.next()? {
-                Item::End => return Ok(()),
+                Item::End => return self.passed.as_ref().map_or(Ok(()), Passed::end),
                 Item::Frame(frame) => (None, Ok(Line { frames: vec![*frame], ..Line::default() })),
                 Item::Problem(problem) => (None, Err(LineError::new(problem))),
                 Item::Line(NextLine::Text(number, text)) => (Some(number), parse_line(&text)),
@@ -154,9 +196,10 @@ impl<'a> Session<'a> {
             && !passed.is_over
             && time <= passed.time
         {
-            // Times never go back: what is earlier was observed or refused, up to the last frame.
-            passed.is_over = time == passed.time && id == passed.frame;
-            return Ok(());
+            return passed.pass(&frame, &self.stream.scene);
+        }
+        if let Some(passed) = &self.passed {
+            passed.end()?;
         }
         let error = |mut error: LineError| {
             if let Some(index) = index {
