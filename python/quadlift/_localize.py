@@ -110,6 +110,7 @@ def localize(
     -----
     Releases the GIL; Ctrl-C works.
     """
+    keywords, threads, progress = _options.split(options, "localize")
     scene = Scene.from_arrays(
         projections=projections,
         intrinsics=intrinsics,
@@ -131,7 +132,6 @@ def localize(
         boxes3d=boxes3d,
         orientation=orientation,
     )
-    keywords, threads, progress = _options.split(options, "localize")
     localized = scene._core.localize(keywords, threads, progress)
     ids = "found"
     if objects is not None and not localized.associated:

@@ -144,6 +144,11 @@ def test_unknown_keywords(made: Arrays) -> None:
     wrong: dict[str, Any] = {"lamda": 3}
     with pytest.raises(TypeError, match=r"localize\(\) got an unexpected keyword argument 'lamda'"):
         quadlift.localize(**made.arguments(), **wrong)
+    # Also if it takes the place of one that is missing.
+    given = made.arguments()
+    wrong = {**given, "frame": given.pop("frames")}
+    with pytest.raises(TypeError, match="unexpected keyword argument 'frame'"):
+        quadlift.localize(**{**wrong, "frames": None})
 
 
 def test_what_is_no_scene() -> None:
