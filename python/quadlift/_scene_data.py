@@ -274,10 +274,10 @@ class SceneData:
         ----------
         format : str
             Objects: ``"ply"``, ``"glb"``, ``"kitti"``, ``"bop"``, ``"boxer"``, ``"coco"``, ``"geojson"``, ``"mcap"``,
-            ``"ros"`` or ``"csv"``; cameras: ``"tum"`` or ``"colmap"`` (docs/formats/exports.md). `to_rerun` makes
-            recordings of Rerun.
+            ``"ros"`` or ``"csv"``; cameras: ``"tum"`` or ``"colmap"``; the whole scene: ``"parquet"``, if the package
+            was built with it (docs/formats/exports.md). `to_rerun` makes recordings of Rerun.
         path : path-like
-            The file; for ``"colmap"`` a folder.
+            The file; for ``"colmap"`` and ``"parquet"`` a folder.
         **options : ExportOptions
             Options of the format; `quadlift.ExportOptions` lists them.
 
