@@ -182,7 +182,7 @@ def _matrices(
     if cameras.ndim == 2:
         cameras = cameras[np.newaxis]
     else:
-        _checks.rows("intrinsics", len(cameras), "cam_from_world", len(poses))
+        _checks.rows("intrinsics", cameras, "cam_from_world", len(poses))
     return "cam_from_world", len(poses), {"cam_from_world": poses, "intrinsics": cameras}
 
 
@@ -203,7 +203,7 @@ def _sizes(image_sizes: ArrayLike, like: str, count: int) -> NDArray[np.float64]
     sizes = _checks.array("image_sizes", image_sizes, ("F", 2), (2,))
     if sizes.ndim == 1:
         sizes = np.broadcast_to(sizes, (count, 2))
-    _checks.rows("image_sizes", len(sizes), like, count)
+    _checks.rows("image_sizes", sizes, like, count)
     if (sizes <= 0.0).any():
         raise QuadliftError(f"image_sizes holds {sizes[sizes <= 0.0][0]}; expected positive numbers of pixels")
     return sizes
@@ -323,7 +323,7 @@ def map_detections(found: Found) -> BoxArrays:
     count, scores = len(boxes), found.scores
     if scores is not None:
         scores = _checks.array("scores", scores, ("M",), nan=True)
-        _checks.rows("scores", len(scores), "boxes", count)
+        _checks.rows("scores", scores, "boxes", count)
     return {
         "boxes": boxes,
         "objects": _checks.names("objects", found.objects, count, "boxes"),
@@ -343,10 +343,10 @@ def map_poses(
         raise QuadliftError(f"expected either cam_from_world or projections; found {words}")
     if cam_from_world is not None:
         poses = _poses(cam_from_world)
-        _checks.rows("cam_from_world", len(poses), "frame_ids", len(frame_ids))
+        _checks.rows("cam_from_world", poses, "frame_ids", len(frame_ids))
         return poses, None
     matrices = _checks.array("projections", projections, ("F", 3, 4))
-    _checks.rows("projections", len(matrices), "frame_ids", len(frame_ids))
+    _checks.rows("projections", matrices, "frame_ids", len(frame_ids))
     return None, matrices
 
 
@@ -377,7 +377,7 @@ def detections(
         if value is None:
             return None
         numbers = _checks.array(name, value, ("M", *width), nan=True)
-        _checks.rows(name, len(numbers), "frames", count)
+        _checks.rows(name, numbers, "frames", count)
         return numbers
 
     return {
@@ -402,7 +402,7 @@ def orientation(value: Any) -> str | None:
 
 
 def _masks(masks: Sequence[Any], count: int) -> list[Runs | None]:
-    _checks.rows("masks", len(masks), "frames", count)
+    _checks.rows("masks", masks, "frames", count)
     return [None if mask is None else _runs(f"masks[{k}]", mask) for k, mask in enumerate(masks)]
 
 

@@ -191,7 +191,7 @@ def _known(name: str, fields: Mapping[str, Any], known: tuple[str, ...]) -> None
 
 def _rows(name: str, value: Any, count: int, like: str, *width: int) -> NDArray[np.float64]:
     numbers = _checks.array(name, value, ("M", *width), nan=True)
-    _checks.rows(name, len(numbers), like, count)
+    _checks.rows(name, numbers, like, count)
     return numbers
 
 
@@ -202,7 +202,7 @@ def _of_all(name: str, value: Any, count: int, like: str) -> NDArray[np.float64]
     numbers = _checks.array(name, value, ("M",), (), nan=True)
     if numbers.ndim == 0:
         return np.full(count, numbers.item())
-    _checks.rows(name, len(numbers), like, count)
+    _checks.rows(name, numbers, like, count)
     return numbers
 
 

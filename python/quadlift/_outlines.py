@@ -37,13 +37,13 @@ def outlines(outlines: Sequence[Any] | None, oriented_boxes: Any, count: int, li
             raise QuadliftError(
                 f"outlines is a {type(outlines).__name__}; expected a sequence of (K, 2) arrays or None"
             )
-        _checks.rows("outlines", len(outlines), like, count)
+        _checks.rows("outlines", outlines, like, count)
         polygons = [_corners(f"outlines[{k}]", corners) for k, corners in enumerate(outlines)]
         found["corners"] = np.concatenate([np.empty((0, 2)), *polygons])
         found["offsets"] = np.cumsum([0, *map(len, polygons)], dtype=np.int64)
     if oriented_boxes is not None:
         turned = _checks.array("oriented_boxes", oriented_boxes, ("M", 5), nan=True)
-        _checks.rows("oriented_boxes", len(turned), like, count)
+        _checks.rows("oriented_boxes", turned, like, count)
         found["oriented_boxes"] = turned
     return found
 

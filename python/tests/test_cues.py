@@ -187,7 +187,7 @@ def test_deviations_and_covariances_are_those_of_files(cued: Cued) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"depths": [1.0, 2.0]}, "depths has 2 rows; expected 4, as many as frames"),
+        ({"depths": [1.0, 2.0]}, "depths has the shape (2,); expected (4,), as many rows as frames"),
         ({"depths": [5.0, -1.0, 5.0, 5.0]}, "depths[1]: the depth is -1"),
         ({"depths": {"sd": 1.0}}, 'depths has no "median"'),
         ({"depths": {"median": [5.0] * 4, "sd": [1.0, 1.0, 0.0, 1.0]}}, "depths[2]: the standard deviation is 0"),

@@ -26,7 +26,10 @@ MADE = made_scene(objects=2, views=5)
 # Arguments that replace the right ones, and the message.
 CASES: dict[str, tuple[dict[str, Any], str]] = {
     "shape of boxes": ({"boxes": np.zeros((10, 3))}, "boxes has the shape (10, 3); expected (M, 4)"),
-    "rows of boxes": ({"boxes": MADE.boxes[:7]}, "boxes has 7 rows; expected 10, as many as frames"),
+    "rows of boxes": (
+        {"boxes": MADE.boxes[:7]},
+        "boxes has the shape (7, 4); expected (10, 4), as many rows as frames",
+    ),
     "dtype of boxes": ({"boxes": np.full((10, 4), "a")}, "boxes has the dtype <U1; expected real numbers"),
     "complex": ({"boxes": np.zeros((10, 4), complex)}, "boxes has the dtype complex128; expected real numbers"),
     "ragged": ({"boxes": [[1, 2], [3]]}, "boxes is not an array:"),
@@ -65,7 +68,7 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
         'row 1: the object "0" is detected twice in frame "0" (first in row 0)',
     ),
     "object": ({"objects": np.linspace(0, 1, 10)}, "objects has the dtype float64; expected whole numbers or texts"),
-    "rows of object": ({"objects": [1]}, "objects has 1 rows; expected 10, as many as frames"),
+    "rows of object": ({"objects": [1]}, "objects has the shape (1,); expected (10,), as many rows as frames"),
     "objects": ({"objects": [()] * 10}, "objects has the shape (10, 0); expected (M,)"),
     "singular": ({"projections": np.zeros((5, 3, 4))}, "projections[0]: the left 3x3 block"),
     "no cameras": ({"projections": None}, "expected projections, or intrinsics and cam_from_world; found none of them"),

@@ -264,7 +264,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "infinity": ({"boxes": [[0, 0, np.inf, 1]]}, 'frame "9": boxes[0, 2] is inf; expected a finite number'),
     "an empty box": ({"boxes": [[0, 0, 1, 1], [5, 0, 5, 1]]}, 'frame "9": boxes[1]: '),
     "a wrong shape": ({"boxes": [[0, 0, 1]]}, 'frame "9": boxes has the shape (1, 3); expected (M, 4)'),
-    "scores": ({"scores": [0.5, 0.5]}, 'frame "9": scores has 2 rows; expected 1, as many as boxes'),
+    "scores": ({"scores": [0.5, 0.5]}, 'frame "9": scores has the shape (2,); expected (1,), as many rows as boxes'),
     "a score": ({"scores": [np.inf]}, 'frame "9": scores[0] is inf; expected a finite number'),
     "categories": ({"categories": [0.5]}, 'frame "9": categories has the dtype float64; expected whole numbers or'),
     "no camera": (
@@ -352,7 +352,10 @@ def test_wrong_calls(lines: list[Line]) -> None:
         (lambda: made.merge(first, first), "are the same object already"),
         (lambda: made.update_poses("a", projections=[]), "frame_ids is 'a'; expected a list of frames"),
         (lambda: made.update_poses(["a"]), "expected either cam_from_world or projections; found none of them"),
-        (lambda: made.update_poses(["a"], projections=[]), "projections has 0 rows; expected 1, as many as frame_ids"),
+        (
+            lambda: made.update_poses(["a"], projections=[]),
+            "projections has the shape (0, 3, 4); expected (1, 3, 4), as many rows as frame_ids",
+        ),
         (
             lambda: made.update_poses([made.kept_frames[0]], projections=np.zeros((1, 3, 4))),
             f'frame "{made.kept_frames[0]}": ',

@@ -157,12 +157,12 @@ def test_wrong_columns_are_named(shaped: Shaped) -> None:
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"outlines": [None]}, "outlines has 1 rows; expected 100, as many as frames"),
+        ({"outlines": [None]}, r"outlines has the shape \(1,\); expected \(100,\), as many rows as frames"),
         ({"outlines": "abc"}, "outlines is a str; expected a sequence of"),
         ({"outlines": [[[1.0, 2.0, 3.0]]] * 100}, r"outlines\[0\] has the shape \(1, 3\)"),
         ({"outlines": [[[1.0, 2.0], [3.0, 4.0]]] * 100}, r"outlines\[0\]: the outline has 2 points; expected three"),
         ({"oriented_boxes": np.zeros((100, 4))}, r"oriented_boxes has the shape \(100, 4\)"),
-        ({"oriented_boxes": np.ones((99, 5))}, "oriented_boxes has 99 rows; expected 100"),
+        ({"oriented_boxes": np.ones((99, 5))}, r"oriented_boxes has the shape \(99, 5\); expected \(100, 5\)"),
         ({"oriented_boxes": np.zeros((100, 5))}, r"oriented_boxes\[0\]: the size of the turned box is 0 x 0"),
         (
             {"outlines": [None] * 100, "oriented_boxes": np.full((100, 5), np.nan), "boxes": np.full((100, 4), np.nan)},
