@@ -159,7 +159,7 @@ def frames(
         "image_sizes": None if image_sizes is None else _sizes(image_sizes, like, count),
         "images": None if images is None else _checks.texts("images", images, count),
         "name": _checks.optional(_checks.text, "name", name),
-        "up": None if up is None else _checks.array("up", up, (3,)).tolist(),
+        "up": _checks.optional(_checks.direction, "up", up),
         "length_unit": _checks.optional(_checks.text, "length_unit", length_unit),
     }
 

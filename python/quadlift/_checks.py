@@ -134,6 +134,21 @@ def _is_none(item: Any) -> bool:
     return (isinstance(item, float) and math.isnan(item)) or bool(item == "")
 
 
+_AXES = {f"{sign}{axis}": k for k, axis in enumerate("xyz") for sign in ("", "-")}
+
+
+def direction(name: str, value: Any) -> list[float]:
+    """A direction: an axis such as ``"-y"``, or three numbers."""
+    if isinstance(value, str):
+        if value not in _AXES:
+            raise QuadliftError(f"{name} is {value!r}; expected x, y, z, -x, -y, -z or three numbers")
+        axis = [0.0, 0.0, 0.0]
+        axis[_AXES[value]] = -1.0 if value.startswith("-") else 1.0
+        return axis
+    numbers: list[float] = array(name, value, (3,)).tolist()
+    return numbers
+
+
 def optional(check: Callable[[str, Any], Checked], name: str, value: Any) -> Checked | None:
     """None, or the checked value."""
     return None if value is None else check(name, value)

@@ -83,8 +83,8 @@ def localize(
         EXIF orientation of the pictures that the detector saw, 1 to 8, if the cameras are those of the pictures as
         stored: 6 for a phone held upright. ``"6-fractions"`` if the boxes were fractions of the turned pictures,
         multiplied by width and height of the cameras' images.
-    up : array_like, shape (3,), optional
-        World direction against gravity.
+    up : str or array_like, shape (3,), optional
+        World direction against gravity: an axis such as ``"-y"``, or a direction.
     length_unit : str, optional
         World unit; ``"m"`` is required for ``priors="builtin"``.
     **options : Options

@@ -424,7 +424,7 @@ class Estimates(EstimateArrays):
             Width and height in pixels: edges at the border may be cut off there.
         edge_sd : float, optional
             Standard deviation of the edges of boxes, relative to their half size. That of the map by default.
-        up : array_like, shape (3,), optional
+        up : str or array_like, shape (3,), optional
             The direction against gravity in the world, for `up_in_camera` and `height`.
         up_in_camera : array_like, shape (3,), optional
             The same in the axes of the camera, where a sensor tells it: two boxes are then enough.

@@ -108,8 +108,8 @@ class SceneData:
             Paths of the images, for `segment` and for reports.
         name : str, optional
             Name of the scene.
-        up : array_like, shape (3,), optional
-            World direction against gravity.
+        up : str or array_like, shape (3,), optional
+            World direction against gravity: an axis such as ``"-y"``, or a direction.
         length_unit : str, optional
             World unit, such as "m".
         """

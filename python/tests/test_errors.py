@@ -96,6 +96,7 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
         {"priors": {"cup": {"size": (1, 2), "size_sd": (1, 1, 1)}}},
         "priors['cup']['size'] has the shape (2,); expected (3,)",
     ),
+    "up, axis": ({"up": "north"}, "up is 'north'; expected x, y, z, -x, -y, -z or three numbers"),
     "up": ({"up": [0, 0, 0]}, "up: [0.0, 0.0, 0.0] is not a direction"),
     "empty": ({"frames": [], "boxes": np.zeros((0, 4)), "objects": []}, "there is nothing to localize"),
     "no objects": ({"objects": -np.ones(10, int), "associate": "never"}, "10 detections have no object id"),

@@ -268,6 +268,14 @@ def test_options_of_files(made: Arrays, cameras: quadlift.Scene, tmp_path: Path)
             quadlift.Scene.from_detections(path, cameras, **{name: value})
 
 
+def test_directions_are_axes_or_numbers(made: Arrays) -> None:
+    for text, numbers in {"z": [0, 0, 1], "-y": [0, -1, 0]}.items():
+        scene = quadlift.Scene.from_arrays(projections=made.projections, up=text)
+        assert scene.to_dict()["up"] == numbers
+        assert scene.corrected(up=text).to_dict() == scene.to_dict() == scene.corrected(up=numbers).to_dict()
+        assert quadlift.ObjectMap(up=text).to_scene().to_dict()["up"] == numbers
+
+
 def test_what_a_scene_tells(made: Arrays) -> None:
     images = [f"{k}.png" for k in range(6)]
     scene = quadlift.Scene.from_arrays(

@@ -64,7 +64,7 @@ class Settings:
         given = cast("_options.Options", {**of_kind, **options})
         settings = cls(
             _options.split(given, "localize")[0],
-            None if up is None else _checks.array("up", up, (3,)).tolist(),
+            _checks.optional(_checks.direction, "up", up),
             _checks.optional(_checks.text, "length_unit", length_unit),
         )
         if known == OF_OBJECTS and up is not None and _may_share_ground(options.get("priors")):
