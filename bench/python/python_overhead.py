@@ -49,17 +49,17 @@ class Data:
         boxes = np.concatenate([center - half, center + half], axis=-1)
         boxes += noise * half.mean(axis=-1)[..., np.newaxis] * rng.normal(size=boxes.shape)
         self.boxes = boxes.reshape(-1, 4)
-        self.frame = np.tile(np.arange(views), objects)
-        self.object = np.repeat(np.arange(objects), views)
+        self.frames = np.tile(np.arange(views), objects)
+        self.objects = np.repeat(np.arange(objects), views)
 
     def localize(self, **options: Any) -> quadlift.Estimates:
         """The estimates of quadlift."""
         return quadlift.localize(
             projections=self.projections,
             image_sizes=IMAGE,
-            frame=self.frame,
+            frames=self.frames,
             boxes=self.boxes,
-            object=self.object,
+            objects=self.objects,
             **options,
         )
 

@@ -38,10 +38,10 @@ def make_tables(objects: int, folder: Path) -> None:
     """Writes detections and cameras, as Parquet and as a scene file."""
     data = Data(objects, VIEWS, noise=0.05)
     # Each hundred objects have frames of their own, from the same places.
-    frame = data.frame + VIEWS * (data.object // PER_FRAME)
+    frame = data.frames + VIEWS * (data.objects // PER_FRAME)
     frames = int(frame.max()) + 1
     boxes = dict(zip(("x0", "y0", "x1", "y1"), data.boxes.T, strict=True))
-    table = pa.table({"frame": frame, "object": data.object, **boxes})
+    table = pa.table({"frame": frame, "object": data.objects, **boxes})
     # As they come: frame by frame.
     pq.write_table(table.sort_by("frame"), folder / "detections.parquet", row_group_size=100_000)
     projections = [data.projections[k % VIEWS] for k in range(frames)]
@@ -58,7 +58,7 @@ def make_tables(objects: int, folder: Path) -> None:
         ],
         "detections": [
             {"frame": str(f), "object": str(o), "box": box}
-            for f, o, box in zip(frame.tolist(), data.object.tolist(), data.boxes.tolist(), strict=True)
+            for f, o, box in zip(frame.tolist(), data.objects.tolist(), data.boxes.tolist(), strict=True)
         ],
     }
     (folder / "scene.json").write_text(json.dumps(scene))

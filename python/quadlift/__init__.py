@@ -12,7 +12,8 @@ from ._align import Alignment, MapTransform
 from ._calibrate import CalibratedCamera, RigCalibration, calibrate
 from ._core import QuadliftError, __version__
 from ._cues import Box3dSd, Boxes3d, Depths
-from ._estimates import Alternative, AssociatedObject, Evaluation, InconsistentSceneWarning
+from ._estimates import Alternative, AssociatedObject, Estimate, Evaluation, InconsistentSceneWarning
+from ._formats import CameraOptions, DetectionOptions, ExportOptions
 from ._limits import set_max_pixels
 from ._localize import localize
 from ._locate import LocatedPose, Location
@@ -28,9 +29,13 @@ __all__ = [
     "Box3dSd",
     "Boxes3d",
     "CalibratedCamera",
+    "CameraOptions",
     "Depths",
+    "DetectionOptions",
+    "Estimate",
     "Estimates",
     "Evaluation",
+    "ExportOptions",
     "FrameUpdate",
     "InconsistentSceneWarning",
     "LocatedPose",

@@ -10,16 +10,17 @@ import tempfile
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from . import _checks, _core, _fiftyone, _found
+from . import _arrays, _checks, _core, _fiftyone, _formats, _found
 from ._core import QuadliftError
+from ._formats import CameraOptions, DetectionOptions
 from ._scene_data import SceneData
 
 if TYPE_CHECKING:
-    from typing_extensions import Self
+    from typing_extensions import Self, Unpack
 
     from ._checks import Path
 
@@ -28,26 +29,53 @@ class FromOtherPackages(SceneData):
     """Constructors of `Scene` from objects of other packages."""
 
     @classmethod
-    def from_colmap(cls, model: Path | Any) -> Self:
-        """The cameras of a COLMAP model.
+    def from_cameras(
+        cls,
+        source: Path | Any,
+        *,
+        format: str | None = None,
+        images: Path | None = None,
+        **options: Unpack[CameraOptions],
+    ) -> Self:
+        """Cameras and poses of another program, like ``quadlift import``.
+
+        The formats are those of the program (docs/formats/cameras.md): COLMAP, nerfstudio, OpenSfM, ARKit, TUM, KITTI,
+        nuScenes, BOP, MCAP. Axes, transforms, quaternions, pixel origins and units become those of quadlift.
 
         Parameters
         ----------
-        model : path-like or pycolmap.Reconstruction
-            The folder of the model (binary or text), or the reconstruction itself.
+        source : path-like or pycolmap.Reconstruction
+            File or folder, or a reconstruction in memory.
+        format : str, optional
+            The format, by its name in ``quadlift import``; recognized by default.
+        images : path-like, optional
+            Folder of the images; the default is that of the format, if it has one.
+        **options : CameraOptions
+            What the files lack; `quadlift.CameraOptions` lists them.
 
         Raises
         ------
         QuadliftError
-            Names the file and the problem.
+            Names the file, the place in it, what was found and what was expected.
+
+        Warns
+        -----
+        UserWarning
+            For what was left out because it cannot be used.
         """
-        if isinstance(model, str | os.PathLike):
-            return cls(_core.Scene.read_colmap(model))
-        if not hasattr(model, "write"):
-            raise QuadliftError(f"model is a {type(model).__name__}; expected a path or a pycolmap.Reconstruction")
-        with tempfile.TemporaryDirectory() as folder:
-            model.write(folder)
-            return cls(_core.Scene.read_colmap(folder))
+        texts = _formats.texts(options, CameraOptions, "Scene.from_cameras")
+        format = _checks.optional(_checks.text, "format", format)
+        if isinstance(source, str | os.PathLike):
+            scene, lost = _core.Scene.read_cameras(source, format, images, texts)
+        elif hasattr(source, "write"):
+            with tempfile.TemporaryDirectory() as folder:
+                source.write(folder)
+                scene, lost = _core.Scene.read_cameras(folder, "colmap", images, texts)
+        else:
+            raise QuadliftError(f"source is a {type(source).__name__}; expected a path or a pycolmap.Reconstruction")
+        for words in lost:
+            warnings.warn(words, stacklevel=2)
+        return cls(scene)
 
     @classmethod
     def from_detections(
@@ -55,13 +83,17 @@ class FromOtherPackages(SceneData):
         path: Path,
         cameras: Self,
         *,
-        names: Path | None = None,
-        frame_column: str | None = None,
+        format: str | None = None,
         source: str | None = None,
         min_score: float | None = None,
+        match: Literal["auto", "name", "stem", "index", "time"] = "auto",
+        frame_offset: int | None = None,
         image_size: tuple[float, float] | None = None,
+        orientation: int | str | None = None,
+        replace: bool = False,
+        **options: Unpack[DetectionOptions],
     ) -> Self:
-        """Cameras with the detections of a file of another program, whose format is detected.
+        """Cameras with the detections of a file of another program, like ``quadlift import --into``.
 
         The formats are those of the program (docs/formats/detections.md): COCO, Ultralytics YOLO and others. Images are
         matched to frames by name, number or time. Track ids become object ids.
@@ -72,17 +104,25 @@ class FromOtherPackages(SceneData):
             File or folder.
         cameras : Scene
             The frames; existing detections are kept.
-        names : path-like, optional
-            Class names, for YOLO, MOTChallenge and tables.
-        frame_column : str, optional
-            The column of a table that identifies the image.
+        format : str, optional
+            The format, by its name in ``quadlift import``; recognized by default.
         source : str, optional
             Name of the detector; the default is the format.
         min_score : float, optional
             Skip detections with a lower score.
+        match : {"auto", "name", "stem", "index", "time"}
+            How images are matched to frames; a stem is a name without extension.
+        frame_offset : int, optional
+            The number that the detections give to frame number 0; by default inferred from format and names.
         image_size : (float, float), optional
             Width and height in pixels of the images on which the detector ran, if they differ from the cameras or are
             unknown.
+        orientation : int or str, optional
+            EXIF orientation of the pictures that the detector saw, as in `with_detections`.
+        replace : bool
+            Remove the detections that `cameras` has.
+        **options : DetectionOptions
+            What the files lack; `quadlift.DetectionOptions` lists them.
 
         Raises
         ------
@@ -95,22 +135,26 @@ class FromOtherPackages(SceneData):
             For skipped detections: images without a frame, boxes without width or height.
         """
         size = None if image_size is None else _checks.array("image_size", image_size, (2,))
+        keywords = {
+            "source": _checks.optional(_checks.text, "source", source),
+            "min_score": _checks.optional(_checks.number, "min_score", min_score),
+            "match": _checks.text("match", match),
+            "frame_offset": None
+            if frame_offset is None
+            else _checks.whole("frame_offset", frame_offset, -(2**31), 2**31),
+            "image_size": None if size is None else size.tolist(),
+            "replace": _checks.flag("replace", replace),
+        }
         scene, lost = _checks.scene("cameras", cameras).with_detections_of(
             path,
-            names=names,
-            frame_column=_checks.optional(_checks.text, "frame_column", frame_column),
-            source=_checks.optional(_checks.text, "source", source),
-            min_score=_checks.optional(_checks.number, "min_score", min_score),
-            image_size=None if size is None else (float(size[0]), float(size[1])),
+            _checks.optional(_checks.text, "format", format),
+            keywords,
+            _formats.texts(options, DetectionOptions, "Scene.from_detections"),
+            _arrays.orientation(orientation),
         )
         for words in lost:
             warnings.warn(words, stacklevel=2)
         return cls(scene)
-
-    @classmethod
-    def from_coco(cls, path: Path, cameras: Self) -> Self:
-        """Cameras with the boxes and masks of a COCO file; see `from_detections`."""
-        return cls.from_detections(path, cameras, source="coco")
 
     @classmethod
     def from_supervision(
@@ -118,7 +162,7 @@ class FromOtherPackages(SceneData):
         detections: Sequence[Any] | Mapping[str, Any],
         cameras: Self,
         *,
-        frames: Sequence[str] | None = None,
+        frame_ids: Sequence[str] | None = None,
         source: str = "supervision",
     ) -> Self:
         """Cameras with the detections of `supervision.Detections`.
@@ -126,18 +170,18 @@ class FromOtherPackages(SceneData):
         Parameters
         ----------
         detections : sequence or mapping of supervision.Detections
-            One per frame, in their order (or that of `frames`), or by frame id. Tracker ids become object ids (``t7``
-            for 7), class names (or numbers) become categories.
+            One per frame, in their order (or that of `frame_ids`), or by frame id. Tracker ids become object ids
+            (``t7`` for 7), class names (or numbers) become categories.
         cameras : Scene
             The frames.
-        frames : sequence of str, optional
+        frame_ids : sequence of str, optional
             Ids of the frames of a sequence of detections.
         source : str
             Name of the detector.
         """
         _checks.scene("cameras", cameras)
         table = _Table(cameras)
-        for frame, found in _by_frame(detections, frames, cameras.frame_ids):
+        for frame, found in _by_frame(detections, frame_ids, cameras.frame_ids):
             table.add(frame, _found.of_supervision(found))
         return cameras.with_detections(**table.arrays(), source=source)
 
@@ -147,7 +191,7 @@ class FromOtherPackages(SceneData):
         results: Iterable[Any],
         cameras: Self,
         *,
-        frames: Sequence[str] | None = None,
+        frame_ids: Sequence[str] | None = None,
         source: str = "yolo",
     ) -> Self:
         """Cameras with the boxes of Ultralytics results, the outlines of segmentation and turned boxes of OBB.
@@ -158,7 +202,7 @@ class FromOtherPackages(SceneData):
             One per image; matched to frame ids and images by file name.
         cameras : Scene
             The frames.
-        frames : sequence of str, optional
+        frame_ids : sequence of str, optional
             Frame ids of the results, instead of matching names.
         source : str
             Name of the detector.
@@ -167,10 +211,10 @@ class FromOtherPackages(SceneData):
         # A stream of results can be read once.
         results, known = list(results), cameras.frame_ids
         paths = _paths("results", results, "path", "Ultralytics' Results")
-        if frames is None:
-            frames = _frames_of_paths(paths, known)
+        if frame_ids is None:
+            frame_ids = _frames_of_paths(paths, known)
         table = _Table(cameras)
-        for frame, result in _by_frame(results, frames, known):
+        for frame, result in _by_frame(results, frame_ids, known):
             table.add(frame, _found.of_ultralytics(result, f'the result of frame "{known[frame]}"'))
         return cameras.with_detections(**table.arrays(), source=source)
 
@@ -181,7 +225,7 @@ class FromOtherPackages(SceneData):
         cameras: Self,
         *,
         field: str = "predictions",
-        frames: Sequence[str] | None = None,
+        frame_ids: Sequence[str] | None = None,
         source: str = "fiftyone",
     ) -> Self:
         """Cameras with the 2D detections of FiftyOne samples.
@@ -197,7 +241,7 @@ class FromOtherPackages(SceneData):
             The frames.
         field : str
             The field of the samples with `fiftyone.Detections`.
-        frames : sequence of str, optional
+        frame_ids : sequence of str, optional
             Frame ids of the samples, instead of matching names.
         source : str
             Name of the detector.
@@ -206,26 +250,26 @@ class FromOtherPackages(SceneData):
         _checks.text("field", field)
         samples, known = list(samples), cameras.frame_ids
         paths = _paths("samples", samples, "filepath", "a fiftyone.Sample")
-        if frames is None:
-            frames = _frames_of_paths(paths, known)
+        if frame_ids is None:
+            frame_ids = _frames_of_paths(paths, known)
         sizes = _fiftyone.image_sizes(cameras.to_dict())
         table = _Table(cameras)
-        for frame, sample in _by_frame(samples, frames, known):
+        for frame, sample in _by_frame(samples, frame_ids, known):
             table.add(frame, _fiftyone.of_sample(sample, field, sizes.get(known[frame])))
         return cameras.with_detections(**table.arrays(), source=source)
 
 
 def _by_frame(
-    detections: Sequence[Any] | Mapping[str, Any], frames: Sequence[str] | None, known: list[str]
+    detections: Sequence[Any] | Mapping[str, Any], frame_ids: Sequence[str] | None, known: list[str]
 ) -> list[tuple[int, Any]]:
     """Detections with the indices of their frames."""
     index = {name: k for k, name in enumerate(known)}
     if isinstance(detections, Mapping):
         pairs = list(detections.items())
     else:
-        names = known if frames is None else list(frames)
+        names = known if frame_ids is None else list(frame_ids)
         if len(detections) != len(names):
-            like = "the scene has frames" if frames is None else "frames"
+            like = "the scene has frames" if frame_ids is None else "frame_ids"
             raise QuadliftError(f"there are {len(detections)} detections; expected {len(names)}, as many as {like}")
         pairs = list(zip(names, detections, strict=True))
     for name, _ in pairs:
@@ -256,7 +300,7 @@ def _frames_of_paths(paths: list[str], known: list[str]) -> list[str]:
     some = ", ".join(known[:5])
     raise QuadliftError(
         f"no single frame has the name of the image {PurePath(missing).name}; the scene has {len(known)} frames: "
-        f"{some} (frames=[...] names them)"
+        f"{some} (frame_ids=[...] names them)"
     )
 
 
@@ -265,38 +309,38 @@ class _Table:
 
     def __init__(self, cameras: SceneData) -> None:
         self.frame_ids = cameras.frame_ids
-        self.frame: list[int] = []
+        self.frames: list[int] = []
         self.boxes: list[Any] = []
         self.scores: list[float] = []
         self.categories: list[str | None] = []
-        self.object: list[str | None] = []
+        self.objects: list[str | None] = []
         self.masks: list[Any] = []
-        self.outline: list[Any] = []
-        self.oriented_box: list[Any] = []
+        self.outlines: list[Any] = []
+        self.oriented_boxes: list[Any] = []
 
     def add(self, frame: int, found: _found.Found) -> None:
-        turned = found.oriented_box
+        turned = found.oriented_boxes
         edges = _checks.array(f'xyxy of frame "{self.frame_ids[frame]}"', found.boxes, ("M", 4), nan=turned is not None)
-        scores, classes, tracks, masks = found.scores, found.categories, found.object, found.masks
+        scores, classes, tracks, masks = found.scores, found.categories, found.objects, found.masks
         for row in range(len(edges)):
-            self.frame.append(frame)
+            self.frames.append(frame)
             self.boxes.append(edges[row])
             self.scores.append(float("nan") if scores is None else float(scores[row]))
             self.categories.append(None if classes is None else str(classes[row]))
-            self.object.append(None if tracks is None else tracks[row])
+            self.objects.append(None if tracks is None else tracks[row])
             self.masks.append(None if masks is None else masks[row])
-            self.outline.append(None if found.outline is None else found.outline[row])
-            self.oriented_box.append(np.full(5, np.nan) if turned is None else turned[row])
+            self.outlines.append(None if found.outlines is None else found.outlines[row])
+            self.oriented_boxes.append(np.full(5, np.nan) if turned is None else turned[row])
 
     def arrays(self) -> dict[str, Any]:
-        turned = np.array(self.oriented_box, dtype=np.float64).reshape(-1, 5)
+        turned = np.array(self.oriented_boxes, dtype=np.float64).reshape(-1, 5)
         return {
-            "frame": np.array(self.frame, dtype=np.int64),
+            "frames": np.array(self.frames, dtype=np.int64),
             "boxes": np.array(self.boxes, dtype=np.float64).reshape(-1, 4),
             "scores": np.array(self.scores, dtype=np.float64),
             "categories": np.array(self.categories, dtype=object),
-            "object": np.array(self.object, dtype=object),
+            "objects": np.array(self.objects, dtype=object),
             "masks": self.masks if any(mask is not None for mask in self.masks) else None,
-            "outline": self.outline if any(outline is not None for outline in self.outline) else None,
-            "oriented_box": turned if np.isfinite(turned).any() else None,
+            "outlines": self.outlines if any(outline is not None for outline in self.outlines) else None,
+            "oriented_boxes": turned if np.isfinite(turned).any() else None,
         }

@@ -45,15 +45,15 @@ class FrameArrays(TypedDict, total=False):
 class DetectionArrays(TypedDict, total=False):
     """M detections; NaN for none."""
 
-    frame: NDArray[np.int64]
+    frames: NDArray[np.int64]
     """(M,)."""
     boxes: NDArray[np.float64] | None
     """(M, 4)."""
     ellipses: NDArray[np.float64] | None
     """(M, 5)."""
     masks: list[Runs | None] | None
-    object: Names
-    category: Names
+    objects: Names
+    categories: Names
     scores: NDArray[np.float64] | None
     """(M,)."""
     source: str | None
@@ -86,8 +86,8 @@ class BoxArrays(TypedDict):
 
     boxes: NDArray[np.float64]
     """(M, 4)."""
-    object: Names
-    category: Names
+    objects: Names
+    categories: Names
     scores: NDArray[np.float64] | None
     """(M,)."""
     outlines: _outlines.OutlineArrays | None
@@ -159,7 +159,7 @@ def frames(
         "image_sizes": None if image_sizes is None else _sizes(image_sizes, like, count),
         "images": None if images is None else _checks.texts("images", images, count),
         "name": _checks.optional(_checks.text, "name", name),
-        "up": None if up is None else _checks.array("up", up, (3,)).tolist(),
+        "up": _checks.optional(_checks.direction, "up", up),
         "length_unit": _checks.optional(_checks.text, "length_unit", length_unit),
     }
 
@@ -182,7 +182,7 @@ def _matrices(
     if cameras.ndim == 2:
         cameras = cameras[np.newaxis]
     else:
-        _checks.rows("intrinsics", len(cameras), "cam_from_world", len(poses))
+        _checks.rows("intrinsics", cameras, "cam_from_world", len(poses))
     return "cam_from_world", len(poses), {"cam_from_world": poses, "intrinsics": cameras}
 
 
@@ -203,7 +203,7 @@ def _sizes(image_sizes: ArrayLike, like: str, count: int) -> NDArray[np.float64]
     sizes = _checks.array("image_sizes", image_sizes, ("F", 2), (2,))
     if sizes.ndim == 1:
         sizes = np.broadcast_to(sizes, (count, 2))
-    _checks.rows("image_sizes", len(sizes), like, count)
+    _checks.rows("image_sizes", sizes, like, count)
     if (sizes <= 0.0).any():
         raise QuadliftError(f"image_sizes holds {sizes[sizes <= 0.0][0]}; expected positive numbers of pixels")
     return sizes
@@ -318,19 +318,19 @@ def _camera(camera: Any, size: list[float] | None) -> tuple[tuple[str | None, st
 
 def map_detections(found: Found) -> BoxArrays:
     """The detections of a frame of an object map."""
-    shaped = found.outline is not None or found.oriented_box is not None
+    shaped = found.outlines is not None or found.oriented_boxes is not None
     boxes = _checks.array("boxes", found.boxes, ("M", 4), nan=shaped)
     count, scores = len(boxes), found.scores
     if scores is not None:
         scores = _checks.array("scores", scores, ("M",), nan=True)
-        _checks.rows("scores", len(scores), "boxes", count)
+        _checks.rows("scores", scores, "boxes", count)
     return {
         "boxes": boxes,
-        "object": _checks.names("object", found.object, count, "boxes"),
-        "category": _checks.names("categories", found.categories, count, "boxes"),
+        "objects": _checks.names("objects", found.objects, count, "boxes"),
+        "categories": _checks.names("categories", found.categories, count, "boxes"),
         "scores": scores,
-        "outlines": _outlines.outlines(found.outline, found.oriented_box, count, "boxes"),
-        "cues": _cues.cues(found.depth, found.box3d, count, "boxes"),
+        "outlines": _outlines.outlines(found.outlines, found.oriented_boxes, count, "boxes"),
+        "cues": _cues.cues(found.depths, found.boxes3d, count, "boxes"),
     }
 
 
@@ -343,57 +343,66 @@ def map_poses(
         raise QuadliftError(f"expected either cam_from_world or projections; found {words}")
     if cam_from_world is not None:
         poses = _poses(cam_from_world)
-        _checks.rows("cam_from_world", len(poses), "frame_ids", len(frame_ids))
+        _checks.rows("cam_from_world", poses, "frame_ids", len(frame_ids))
         return poses, None
     matrices = _checks.array("projections", projections, ("F", 3, 4))
-    _checks.rows("projections", len(matrices), "frame_ids", len(frame_ids))
+    _checks.rows("projections", matrices, "frame_ids", len(frame_ids))
     return None, matrices
 
 
 def detections(
     *,
-    frame: ArrayLike,
+    frames: ArrayLike | None,
     boxes: ArrayLike | None,
     ellipses: ArrayLike | None,
     masks: Sequence[Any] | None,
-    outline: Sequence[Any] | None,
-    oriented_box: ArrayLike | None,
-    object: ArrayLike | None,
+    outlines: Sequence[Any] | None,
+    oriented_boxes: ArrayLike | None,
+    objects: ArrayLike | None,
     scores: ArrayLike | None,
     categories: ArrayLike | None,
-    depth: _cues.Depths | ArrayLike | None,
-    box3d: _cues.Boxes3d | None,
+    depths: _cues.Depths | ArrayLike | None,
+    boxes3d: _cues.Boxes3d | None,
     source: str | None,
 ) -> DetectionArrays:
     """Detections of the arguments of `Scene.with_detections`."""
-    indices = _checks.indices("frame", frame)
+    if frames is None:
+        raise QuadliftError("expected frames, the index of the frame of each detection, of the shape (M,); found None")
+    indices = _checks.indices("frames", frames)
     count = len(indices)
-    if all(given is None for given in (boxes, ellipses, outline, oriented_box, box3d)):
+    if all(given is None for given in (boxes, ellipses, outlines, oriented_boxes, boxes3d)):
         raise QuadliftError("expected boxes or ellipses; found none of them")
 
     def rows(name: str, value: ArrayLike | None, *width: int) -> NDArray[np.float64] | None:
         if value is None:
             return None
         numbers = _checks.array(name, value, ("M", *width), nan=True)
-        _checks.rows(name, len(numbers), "frame", count)
+        _checks.rows(name, numbers, "frames", count)
         return numbers
 
     return {
-        "frame": indices,
+        "frames": indices,
         "boxes": rows("boxes", boxes, 4),
         "ellipses": rows("ellipses", ellipses, 5),
         "scores": rows("scores", scores),
         "masks": None if masks is None else _masks(masks, count),
-        "object": _checks.names("object", object, count, "frame"),
-        "category": _checks.names("categories", categories, count, "frame"),
+        "objects": _checks.names("objects", objects, count, "frames"),
+        "categories": _checks.names("categories", categories, count, "frames"),
         "source": _checks.optional(_checks.text, "source", source),
-        "outlines": _outlines.outlines(outline, oriented_box, count, "frame"),
-        "cues": _cues.cues(depth, box3d, count, "frame"),
+        "outlines": _outlines.outlines(outlines, oriented_boxes, count, "frames"),
+        "cues": _cues.cues(depths, boxes3d, count, "frames"),
     }
 
 
+def orientation(value: Any) -> str | None:
+    """An EXIF orientation as the program takes it; None for pictures that are not turned."""
+    if value is None or isinstance(value, str):
+        return value
+    return str(_checks.whole("orientation", value, 1, 8))
+
+
 def _masks(masks: Sequence[Any], count: int) -> list[Runs | None]:
-    _checks.rows("masks", len(masks), "frame", count)
+    _checks.rows("masks", masks, "frames", count)
     return [None if mask is None else _runs(f"masks[{k}]", mask) for k, mask in enumerate(masks)]
 
 

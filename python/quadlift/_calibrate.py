@@ -172,7 +172,7 @@ def calibrate(
     numbers = {}
     for name, value in (("cameras", cameras), ("instants", instants)):
         numbers[name] = _checks.indices(name, value)
-        _checks.rows(name, len(numbers[name]), "boxes", len(found))
+        _checks.rows(name, numbers[name], "boxes", len(found))
     if sizes not in ("builtin", None):
         raise QuadliftError(f'sizes is {sizes!r}; expected "builtin" or None')
     arrays: _arrays.RigArrays = {

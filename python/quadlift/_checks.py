@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence, Sized
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -81,10 +81,12 @@ def indices(name: str, value: Any) -> NDArray[np.int64]:
     return found.astype(np.int64, copy=False)
 
 
-def rows(name: str, found: int, like: str, expected: int) -> None:
+def rows(name: str, value: Sized, like: str, expected: int) -> None:
     """Raises an error if two arguments have different numbers of rows."""
-    if found != expected:
-        raise QuadliftError(f"{name} has {found} rows; expected {expected}, as many as {like}")
+    if len(value) != expected:
+        shape = value.shape if isinstance(value, np.ndarray) else (len(value),)
+        words = f"{_words(shape)}; expected {_words((expected, *shape[1:]))}, as many rows as {like}"
+        raise QuadliftError(f"{name} has the shape {words}")
 
 
 def names(name: str, value: Any, count: int, like: str) -> tuple[NDArray[np.int64] | None, list[str]]:
@@ -97,7 +99,7 @@ def names(name: str, value: Any, count: int, like: str) -> tuple[NDArray[np.int6
     found = _as_array(name, value)
     if found.ndim != 1:
         raise QuadliftError(f"{name} has the shape {_words(found.shape)}; expected (M,)")
-    rows(name, found.shape[0], like, count)
+    rows(name, found, like, count)
     if found.size == 0:
         return np.zeros(0, dtype=np.int64), []
     if found.dtype.kind == "f":
@@ -130,6 +132,21 @@ def _is_none(item: Any) -> bool:
         # The latter is pandas.NA, which is neither equal nor unequal to anything.
         return True
     return (isinstance(item, float) and math.isnan(item)) or bool(item == "")
+
+
+_AXES = {f"{sign}{axis}": k for k, axis in enumerate("xyz") for sign in ("", "-")}
+
+
+def direction(name: str, value: Any) -> list[float]:
+    """A direction: an axis such as ``"-y"``, or three numbers."""
+    if isinstance(value, str):
+        if value not in _AXES:
+            raise QuadliftError(f"{name} is {value!r}; expected x, y, z, -x, -y, -z or three numbers")
+        axis = [0.0, 0.0, 0.0]
+        axis[_AXES[value]] = -1.0 if value.startswith("-") else 1.0
+        return axis
+    numbers: list[float] = array(name, value, (3,)).tolist()
+    return numbers
 
 
 def optional(check: Callable[[str, Any], Checked], name: str, value: Any) -> Checked | None:

@@ -86,9 +86,9 @@ class CueArrays(TypedDict):
 _NO_NAMES: Names = (None, [])
 
 
-def cues(depth: Any, box3d: Any, count: int, like: str) -> CueArrays | None:
+def cues(depths: Any, boxes3d: Any, count: int, like: str) -> CueArrays | None:
     """The depths and 3D boxes of `count` detections, as many as the argument `like`; None without any."""
-    if depth is None and box3d is None:
+    if depths is None and boxes3d is None:
         return None
     found: CueArrays = {
         "depth": None,
@@ -102,10 +102,10 @@ def cues(depth: Any, box3d: Any, count: int, like: str) -> CueArrays | None:
         "covariance": None,
         "source": _NO_NAMES,
     }
-    if depth is not None:
-        _add_depths(found, depth, count, like)
-    if box3d is not None:
-        _add_boxes3d(found, box3d, count, like)
+    if depths is not None:
+        _add_depths(found, depths, count, like)
+    if boxes3d is not None:
+        _add_boxes3d(found, boxes3d, count, like)
     return found
 
 
@@ -132,32 +132,32 @@ def taken(cues: CueArrays, places: NDArray[np.int64] | NDArray[np.bool_]) -> Cue
     }
 
 
-def _add_depths(found: CueArrays, depth: Any, count: int, like: str) -> None:
-    fields = depth if isinstance(depth, Mapping) else {"median": depth}
-    _known("depth", fields, ("median", "sd", "source"))
+def _add_depths(found: CueArrays, depths: Any, count: int, like: str) -> None:
+    fields = depths if isinstance(depths, Mapping) else {"median": depths}
+    _known("depths", fields, ("median", "sd", "source"))
     if fields.get("median") is None:
-        raise QuadliftError('depth has no "median"; expected the depths of the detections')
-    name = 'depth["median"]' if fields is depth else "depth"
+        raise QuadliftError('depths has no "median"; expected the depths of the detections')
+    name = 'depths["median"]' if fields is depths else "depths"
     found["depth"] = _rows(name, fields["median"], count, like)
-    found["depth_sd"] = _of_all('depth["sd"]', fields.get("sd"), count, like)
-    found["depth_source"] = _sources('depth["source"]', fields.get("source"), count, like)
+    found["depth_sd"] = _of_all('depths["sd"]', fields.get("sd"), count, like)
+    found["depth_source"] = _sources('depths["source"]', fields.get("source"), count, like)
 
 
-def _add_boxes3d(found: CueArrays, box3d: Any, count: int, like: str) -> None:
+def _add_boxes3d(found: CueArrays, boxes3d: Any, count: int, like: str) -> None:
     known = ("center", "half_extents", "rotation", "frame", "sd", "covariance", "source")
-    if not isinstance(box3d, Mapping):
-        raise QuadliftError(f"box3d is a {type(box3d).__name__}; expected a mapping with {', '.join(known[:3])}")
-    _known("box3d", box3d, known)
-    if all(box3d.get(name) is None for name in known[:3]):
-        raise QuadliftError("box3d has neither center nor half_extents nor rotation; expected one of them")
-    frame = _sources('box3d["frame"]', box3d.get("frame"), count, like)
+    if not isinstance(boxes3d, Mapping):
+        raise QuadliftError(f"boxes3d is a {type(boxes3d).__name__}; expected a mapping with {', '.join(known[:3])}")
+    _known("boxes3d", boxes3d, known)
+    if all(boxes3d.get(name) is None for name in known[:3]):
+        raise QuadliftError("boxes3d has neither center nor half_extents nor rotation; expected one of them")
+    frame = _sources('boxes3d["frame"]', boxes3d.get("frame"), count, like)
     for name in frame[1]:
         if name not in ("camera", "world"):
-            raise QuadliftError(f'box3d["frame"] has {name!r}; expected "camera" or "world"')
+            raise QuadliftError(f'boxes3d["frame"] has {name!r}; expected "camera" or "world"')
 
     def rows(name: str, *width: int) -> NDArray[np.float64] | None:
-        value = box3d.get(name)
-        return None if value is None else _rows(f'box3d["{name}"]', value, count, like, *width)
+        value = boxes3d.get(name)
+        return None if value is None else _rows(f'boxes3d["{name}"]', value, count, like, *width)
 
     covariance = rows("covariance", 9, 9)
     found["center"], found["half_extents"], found["rotation"] = (
@@ -166,9 +166,9 @@ def _add_boxes3d(found: CueArrays, box3d: Any, count: int, like: str) -> None:
         rows("rotation", 4),
     )
     found["frame"] = frame
-    found["sd"] = _deviations(box3d.get("sd"), count, like)
+    found["sd"] = _deviations(boxes3d.get("sd"), count, like)
     found["covariance"] = None if covariance is None else covariance.reshape(count, 81)
-    found["source"] = _sources('box3d["source"]', box3d.get("source"), count, like)
+    found["source"] = _sources('boxes3d["source"]', boxes3d.get("source"), count, like)
 
 
 def _deviations(sd: Any, count: int, like: str) -> NDArray[np.float64] | None:
@@ -177,9 +177,9 @@ def _deviations(sd: Any, count: int, like: str) -> NDArray[np.float64] | None:
         return None
     known = ("distance", "direction", "size", "rotation")
     if not isinstance(sd, Mapping):
-        raise QuadliftError(f'box3d["sd"] is a {type(sd).__name__}; expected a mapping with {", ".join(known)}')
-    _known('box3d["sd"]', sd, known)
-    of_kind = [_of_all(f'box3d["sd"]["{name}"]', sd.get(name), count, like) for name in known]
+        raise QuadliftError(f'boxes3d["sd"] is a {type(sd).__name__}; expected a mapping with {", ".join(known)}')
+    _known('boxes3d["sd"]', sd, known)
+    of_kind = [_of_all(f'boxes3d["sd"]["{name}"]', sd.get(name), count, like) for name in known]
     return np.column_stack([np.full(count, np.nan) if values is None else values for values in of_kind])
 
 
@@ -191,7 +191,7 @@ def _known(name: str, fields: Mapping[str, Any], known: tuple[str, ...]) -> None
 
 def _rows(name: str, value: Any, count: int, like: str, *width: int) -> NDArray[np.float64]:
     numbers = _checks.array(name, value, ("M", *width), nan=True)
-    _checks.rows(name, len(numbers), like, count)
+    _checks.rows(name, numbers, like, count)
     return numbers
 
 
@@ -202,7 +202,7 @@ def _of_all(name: str, value: Any, count: int, like: str) -> NDArray[np.float64]
     numbers = _checks.array(name, value, ("M",), (), nan=True)
     if numbers.ndim == 0:
         return np.full(count, numbers.item())
-    _checks.rows(name, len(numbers), like, count)
+    _checks.rows(name, numbers, like, count)
     return numbers
 
 

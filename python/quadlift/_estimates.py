@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -31,9 +33,14 @@ _SHAPES = {
 }
 
 
+def read_diagnosis(record: dict[str, Any]) -> dict[str, Any]:
+    """The consistency check, where nothing is consistent that was not checked."""
+    return {**record, "consistent": None} if record["score"] is None else record
+
+
 def warn_if_inconsistent(diagnosis: dict[str, Any], words: str | None, stacklevel: int) -> None:
     """Warns of a scene that is inconsistent, with the message of the core and the call that corrects it."""
-    if diagnosis["consistent"] or words is None:
+    if diagnosis["consistent"] is not False or words is None:
         return
     for cause in diagnosis["causes"] + diagnosis.get("together", []):
         if (option := cause["option"]) is not None:
@@ -69,6 +76,72 @@ class Alternative:
     body_axes: NDArray[np.float64]
     quaternion: NDArray[np.float64]
     log_odds: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimate:
+    """The estimate of one object: a row of `Estimates`, which documents the fields.
+
+    Attributes
+    ----------
+    id : int or str
+        The object, as given.
+    category : str or None
+    status : str
+    center, semi_axes, enclosing_semi_axes, enclosing_center : ndarray, shape (3,)
+    quaternion, enclosing_quaternion : ndarray, shape (4,)
+    rotation : ndarray, shape (3, 3)
+    body_kind : str or None
+    body_axes, enclosing_body_axes : ndarray, shape (3,)
+    covariance : ndarray, shape (9, 9)
+    covariance_coordinates : str or None
+    center_sd : float
+    views_used : int
+    rms_residual, misfit, misfit_deviation, predicted_iou : float
+    alternatives : list of Alternative
+    odd_view : str or None
+    warnings : list of str
+    doubtful : str or None
+    """
+
+    id: int | str
+    category: str | None
+    status: str
+    center: NDArray[np.float64]
+    semi_axes: NDArray[np.float64]
+    quaternion: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    enclosing_semi_axes: NDArray[np.float64]
+    enclosing_center: NDArray[np.float64]
+    enclosing_quaternion: NDArray[np.float64]
+    body_kind: str | None
+    body_axes: NDArray[np.float64]
+    enclosing_body_axes: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    covariance_coordinates: str | None
+    center_sd: float
+    views_used: int
+    rms_residual: float
+    misfit: float
+    misfit_deviation: float
+    alternatives: list[Alternative]
+    predicted_iou: float
+    odd_view: str | None
+    warnings: list[str]
+    doubtful: str | None
+
+    @property
+    def ok(self) -> bool:
+        """Whether the object is localized: the status is ``"ok"``."""
+        return self.status == "ok"
+
+    def __repr__(self) -> str:
+        category = f" ({self.category})" if self.category else ""
+        if not np.isfinite(self.center).all():
+            return f"<quadlift.Estimate {self.id!r}{category}: {self.status}>"
+        x, y, z = self.center
+        place = f"center {x:.4g}, {y:.4g}, {z:.4g}, sd {self.center_sd:.2g}, {self.views_used} views"
+        return f"<quadlift.Estimate {self.id!r}{category}: {self.status}, {place}>"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -177,7 +250,7 @@ class EstimateArrays:
             cross_validation=record["cross_validation"],
             calibration=record.get("calibration"),
             skipped=record["skipped"],
-            diagnosis=record["diagnosis"],
+            diagnosis=read_diagnosis(record["diagnosis"]),
             association=record.get("association"),
             problems=localized.problems,
             seconds=localized.seconds,
@@ -199,6 +272,67 @@ class EstimateArrays:
     def __len__(self) -> int:
         """Number of objects."""
         return len(self.object_ids)
+
+    def __iter__(self) -> Iterator[Estimate]:
+        """The objects, in the order of the rows."""
+        return (self._estimate(row) for row in range(len(self)))
+
+    def __contains__(self, id: Any) -> bool:
+        """Whether there is an object with this id."""
+        return str(id) in self._rows
+
+    @overload
+    def __getitem__(self, key: int | str) -> Estimate: ...
+    @overload
+    def __getitem__(self, key: slice) -> list[Estimate]: ...
+    def __getitem__(self, key: int | str | slice) -> Estimate | list[Estimate]:
+        """The object of a row, of an id (a text), or the objects of a slice of rows."""
+        if isinstance(key, slice):
+            return [self._estimate(row) for row in range(*key.indices(len(self)))]
+        if isinstance(key, str):
+            if key not in self._rows:
+                some = ", ".join(list(self._rows)[:5]) or "none"
+                raise KeyError(f"there is no object {key!r}; there are {len(self)}: {some}")
+            return self._estimate(self._rows[key])
+        if not isinstance(key, int | np.integer) or isinstance(key, bool):
+            raise TypeError(f"the index is {key!r}; expected the number of a row, the id of an object or a slice")
+        if not -len(self) <= key < len(self):
+            raise IndexError(f"the index is {key}; there are {len(self)} objects")
+        return self._estimate(int(key) % len(self))
+
+    @cached_property
+    def _rows(self) -> dict[str, int]:
+        """The rows of the objects, by their ids as texts."""
+        return {str(name): row for row, name in enumerate(self.object_ids.tolist())}
+
+    def _estimate(self, row: int) -> Estimate:
+        return Estimate(
+            id=self.object_ids[row].item(),
+            category=self.categories[row],
+            status=str(self.status[row]),
+            center=self.centers[row],
+            semi_axes=self.semi_axes[row],
+            quaternion=self.quaternions[row],
+            rotation=self.rotations[row],
+            enclosing_semi_axes=self.enclosing_semi_axes[row],
+            enclosing_center=self.enclosing_centers[row],
+            enclosing_quaternion=self.enclosing_quaternions[row],
+            body_kind=self.body_kinds[row],
+            body_axes=self.body_axes[row],
+            enclosing_body_axes=self.enclosing_body_axes[row],
+            covariance=self.covariances[row],
+            covariance_coordinates=self.covariance_coordinates[row],
+            center_sd=float(self.center_sd[row]),
+            views_used=int(self.views_used[row]),
+            rms_residual=float(self.rms_residuals[row]),
+            misfit=float(self.misfits[row]),
+            misfit_deviation=float(self.misfit_deviations[row]),
+            alternatives=self.alternatives[row],
+            predicted_iou=float(self.predicted_ious[row]),
+            odd_view=self.odd_views[row],
+            warnings=self.warnings[row],
+            doubtful=self.doubtful[row],
+        )
 
     def __repr__(self) -> str:
         return f"<quadlift.Estimates: {int(self.ok.sum())} of {len(self)} objects localized, {self.body}>"

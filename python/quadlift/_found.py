@@ -22,14 +22,14 @@ class Found:
     """(M, 4)."""
     scores: Any = None
     categories: Any = None
-    object: Any = None
+    objects: Any = None
     """Object ids: whole numbers or texts."""
     masks: Any = None
-    outline: Any = None
-    oriented_box: Any = None
+    outlines: Any = None
+    oriented_boxes: Any = None
     """(M, 5)."""
-    depth: Any = None
-    box3d: Any = None
+    depths: Any = None
+    boxes3d: Any = None
 
 
 def of_supervision(found: Any) -> Found:
@@ -41,7 +41,7 @@ def of_supervision(found: Any) -> Found:
         # Turned boxes: their bounding boxes say nothing more.
         turned = _outlines.of_corners(data["xyxyxyxy"])
         boxes = np.full((len(turned), 4), np.nan)
-    return Found(boxes, found.confidence, classes, _tracks(found.tracker_id), found.mask, oriented_box=turned)
+    return Found(boxes, found.confidence, classes, _tracks(found.tracker_id), found.mask, oriented_boxes=turned)
 
 
 def of_ultralytics(result: Any, name: str) -> Found:
@@ -57,10 +57,10 @@ def of_ultralytics(result: Any, name: str) -> Found:
         found.boxes = _numpy(boxes.xyxy)
     else:
         # Center, width, height, angle; the boxes around say nothing more.
-        found.oriented_box = _numpy(turned.xywhr).astype(np.float64)
-        found.boxes = np.full((len(found.oriented_box), 4), np.nan)
+        found.oriented_boxes = _numpy(turned.xywhr).astype(np.float64)
+        found.boxes = np.full((len(found.oriented_boxes), 4), np.nan)
     if masks is not None:
-        found.outline = [_polygon(_numpy(polygon)) for polygon in masks.xy]
+        found.outlines = [_polygon(_numpy(polygon)) for polygon in masks.xy]
     return found
 
 

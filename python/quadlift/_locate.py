@@ -116,8 +116,8 @@ def query(
         "intrinsics": [k[0, 0], k[1, 1], k[0, 2], k[1, 2]],
         "image_size": size,
         "edge_sd": None if edge_sd is None else _positive("edge_sd", edge_sd),
-        "up": _direction("up", up),
-        "up_in_camera": _direction("up_in_camera", up_in_camera),
+        "up": _checks.optional(_checks.direction, "up", up),
+        "up_in_camera": _checks.optional(_checks.direction, "up_in_camera", up_in_camera),
         "up_sd": math.radians(_positive("up_sd_deg", up_sd_deg)),
         "height": _height(height),
     }
@@ -128,10 +128,6 @@ def _positive(name: str, value: Any) -> float:
     if found <= 0:
         raise QuadliftError(f"{name} is {value!r}; expected a number above 0")
     return found
-
-
-def _direction(name: str, value: ArrayLike | None) -> list[float] | None:
-    return None if value is None else [float(x) for x in _checks.array(name, value, (3,))]
 
 
 def _height(value: tuple[float, float] | None) -> list[float] | None:

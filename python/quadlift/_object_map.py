@@ -13,6 +13,7 @@ from . import _arrays, _checks, _core, _found, _locate, _options, _rerun
 from ._core import QuadliftError
 from ._locate import Location
 from ._scene import Estimates, Scene
+from ._scene_data import frame_id as frame_id_of
 
 if TYPE_CHECKING:
     import pandas
@@ -197,8 +198,8 @@ class ObjectMap:
     ----------
     name : str, optional
         Name of the scene.
-    up : array_like, shape (3,), optional
-        World direction against gravity.
+    up : str or array_like, shape (3,), optional
+        World direction against gravity: an axis such as ``"-y"``, or a direction.
     length_unit : str, optional
         World unit; ``"m"`` is required for ``priors="builtin"``.
     ids : {"evidence", "trust", "ignore"}
@@ -284,11 +285,11 @@ class ObjectMap:
         boxes: ArrayLike | None = None,
         categories: ArrayLike | None = None,
         scores: ArrayLike | None = None,
-        object: ArrayLike | None = None,
-        outline: Sequence[ArrayLike | None] | None = None,
-        oriented_box: ArrayLike | None = None,
-        depth: Depths | ArrayLike | None = None,
-        box3d: Boxes3d | None = None,
+        objects: ArrayLike | None = None,
+        outlines: Sequence[ArrayLike | None] | None = None,
+        oriented_boxes: ArrayLike | None = None,
+        depths: Depths | ArrayLike | None = None,
+        boxes3d: Boxes3d | None = None,
     ) -> FrameUpdate:
         """Observes a frame: which detection shows which object, and what has changed.
 
@@ -323,9 +324,9 @@ class ObjectMap:
             Categories, by number or name; negative numbers, None and "" mean unknown.
         scores : array_like, shape (M,), optional
             Scores of the detector; NaN means none.
-        object : array_like of int or str, shape (M,), optional
+        objects : array_like of int or str, shape (M,), optional
             Ids of a tracker; unknown ones as for categories.
-        outline, oriented_box, depth, box3d : optional
+        outlines, oriented_boxes, depths, boxes3d : optional
             Outlines, turned boxes, depths and 3D boxes of the M detections, as in `Scene.with_detections`. The map
             keeps them with its views, for `localize`. With an outline or a turned box the row of `boxes` may be NaN,
             or all of `boxes` missing.
@@ -335,11 +336,11 @@ class ObjectMap:
         QuadliftError
             Names the frame and the detection or argument, what was found and what was expected. The map is unchanged.
         """
-        frame_id = _frame_id("frame_id", frame_id)
+        frame_id = frame_id_of("frame_id", frame_id)
         try:
-            if detections is None and boxes is None and (outline is not None or oriented_box is not None):
-                boxes = np.full((len(np.asarray(oriented_box)) if outline is None else len(outline), 4), np.nan)
-            found = _found_in_frame(detections, boxes, categories, scores, object)
+            if detections is None and boxes is None and (outlines is not None or oriented_boxes is not None):
+                boxes = np.full((len(np.asarray(oriented_boxes)) if outlines is None else len(outlines), 4), np.nan)
+            found = _found_in_frame(detections, boxes, categories, scores, objects)
             frame = _arrays.map_frame(
                 frame_id,
                 time=time,
@@ -352,9 +353,9 @@ class ObjectMap:
                 image=image,
                 pose_noise=pose_noise,
             )
-            found.depth, found.box3d = depth, box3d
-            found.outline = found.outline if outline is None else outline
-            found.oriented_box = found.oriented_box if oriented_box is None else oriented_box
+            found.depths, found.boxes3d = depths, boxes3d
+            found.outlines = found.outlines if outlines is None else outlines
+            found.oriented_boxes = found.oriented_boxes if oriented_boxes is None else oriented_boxes
             arrays = _arrays.map_detections(found)
         except QuadliftError as error:
             raise QuadliftError(f'frame "{frame_id}": {error}') from error
@@ -389,7 +390,7 @@ class ObjectMap:
             Width and height in pixels: edges at the border may be cut off there.
         edge_sd : float, optional
             Standard deviation of the edges of boxes, relative to their half size. That of the map by default.
-        up : array_like, shape (3,), optional
+        up : str or array_like, shape (3,), optional
             The direction against gravity in the world, for `up_in_camera` and `height`.
         up_in_camera : array_like, shape (3,), optional
             The same in the axes of the camera, where a sensor tells it: two boxes are then enough.
@@ -443,7 +444,7 @@ class ObjectMap:
         """
         if isinstance(frame_ids, str):
             raise QuadliftError(f"frame_ids is {frame_ids!r}; expected a list of frames")
-        ids = [_frame_id(f"frame_ids[{k}]", name) for k, name in enumerate(frame_ids)]
+        ids = [frame_id_of(f"frame_ids[{k}]", name) for k, name in enumerate(frame_ids)]
         return self._changed(self._core.update_poses(ids, *_arrays.map_poses(ids, cam_from_world, projections)))
 
     def settle(self) -> FrameUpdate:
@@ -623,7 +624,7 @@ class ObjectMap:
         return self.objects._repr_html_()
 
     @property
-    def frames(self) -> int:
+    def frame_count(self) -> int:
         """Number of observed frames."""
         return self._core.counts[2]
 
@@ -648,28 +649,19 @@ def _read_again(cls: type[ObjectMap], state: bytes) -> ObjectMap:
     return cls._of(_core.ObjectMap.parse(state))
 
 
-def _frame_id(name: str, value: Any) -> str:
-    """A text, or a whole number as text."""
-    if isinstance(value, int | np.integer) and not isinstance(value, bool):
-        return str(int(value))
-    if not isinstance(value, str):
-        raise QuadliftError(f"{name} is {value!r}; expected a text or a whole number")
-    return _checks.text(name, value)
-
-
 def _found_in_frame(
     detections: Any,
     boxes: ArrayLike | None,
     categories: ArrayLike | None,
     scores: ArrayLike | None,
-    object: ArrayLike | None,
+    objects: ArrayLike | None,
 ) -> _found.Found:
     """The detections of either kind of arguments."""
     if detections is None:
         if boxes is None:
             raise QuadliftError("expected detections or boxes; found none of them (boxes=[] if nothing was detected)")
-        return _found.Found(boxes, scores, categories, object)
-    arrays = {"boxes": boxes, "categories": categories, "scores": scores, "object": object}
+        return _found.Found(boxes, scores, categories, objects)
+    arrays = {"boxes": boxes, "categories": categories, "scores": scores, "objects": objects}
     for name, value in arrays.items():
         if value is not None:
             raise QuadliftError(f"expected either detections or arrays; found detections and {name}")

@@ -144,7 +144,7 @@ def of_map(
     path, text = _priors(priors)
     return {
         "name": _checks.optional(_checks.text, "name", name),
-        "up": None if up is None else _checks.array("up", up, (3,)).tolist(),
+        "up": _checks.optional(_checks.direction, "up", up),
         "length_unit": _checks.optional(_checks.text, "length_unit", length_unit),
         "ids": _checks.text("ids", ids),
         "min_views": _checks.whole("min_views", min_views, 2, 2**32),
@@ -240,10 +240,8 @@ def _priors(priors: Any) -> tuple[str | None, str | None]:
 
 
 def up(value: Any) -> str | None:
-    """The value of `up` for the core: an axis, or three numbers."""
-    if value is None or isinstance(value, str):
-        return value
-    return ",".join(repr(x) for x in _checks.array("up", value, (3,)).tolist())
+    """The value of `up` for the core."""
+    return None if value is None else ",".join(map(repr, _checks.direction("up", value)))
 
 
 def option_as_call(option: str) -> str:

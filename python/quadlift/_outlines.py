@@ -27,21 +27,23 @@ class OutlineArrays(TypedDict):
     """(M, 8): supporting lines that another outline is known to hide."""
 
 
-def outlines(outline: Sequence[Any] | None, oriented_box: Any, count: int, like: str) -> OutlineArrays | None:
+def outlines(outlines: Sequence[Any] | None, oriented_boxes: Any, count: int, like: str) -> OutlineArrays | None:
     """The outlines and turned boxes of `count` detections, as many as the argument `like`; None without any."""
-    if outline is None and oriented_box is None:
+    if outlines is None and oriented_boxes is None:
         return None
     found: OutlineArrays = {"corners": None, "offsets": None, "oriented_boxes": None, "hidden_lines": None}
-    if outline is not None:
-        if isinstance(outline, str) or not hasattr(outline, "__len__"):
-            raise QuadliftError(f"outline is a {type(outline).__name__}; expected a sequence of (K, 2) arrays or None")
-        _checks.rows("outline", len(outline), like, count)
-        polygons = [_corners(f"outline[{k}]", corners) for k, corners in enumerate(outline)]
+    if outlines is not None:
+        if isinstance(outlines, str) or not hasattr(outlines, "__len__"):
+            raise QuadliftError(
+                f"outlines is a {type(outlines).__name__}; expected a sequence of (K, 2) arrays or None"
+            )
+        _checks.rows("outlines", outlines, like, count)
+        polygons = [_corners(f"outlines[{k}]", corners) for k, corners in enumerate(outlines)]
         found["corners"] = np.concatenate([np.empty((0, 2)), *polygons])
         found["offsets"] = np.cumsum([0, *map(len, polygons)], dtype=np.int64)
-    if oriented_box is not None:
-        turned = _checks.array("oriented_box", oriented_box, ("M", 5), nan=True)
-        _checks.rows("oriented_box", len(turned), like, count)
+    if oriented_boxes is not None:
+        turned = _checks.array("oriented_boxes", oriented_boxes, ("M", 5), nan=True)
+        _checks.rows("oriented_boxes", turned, like, count)
         found["oriented_boxes"] = turned
     return found
 

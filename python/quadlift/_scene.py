@@ -15,7 +15,9 @@ from . import _checks, _core, _estimates, _fiftyone, _locate, _notebook, _option
 from ._adapters import FromOtherPackages
 from ._align import Alignment
 from ._estimates import EstimateArrays
+from ._formats import ExportOptions
 from ._locate import Location
+from ._scene_data import frame_id
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -27,8 +29,8 @@ if TYPE_CHECKING:
 class Scene(FromOtherPackages):
     """Posed frames with detections and objects (ground truth or estimates). Immutable.
 
-    Make one with `read`, `from_arrays`, `from_colmap`, `from_coco`, `from_detections`, `from_supervision`,
-    `from_ultralytics` or `from_fiftyone`. Invalid arguments and files raise `QuadliftError`, which names the argument
+    Make one with `read`, `from_arrays`, `from_cameras`, `from_detections`, `from_supervision`, `from_ultralytics` or
+    `from_fiftyone`. Invalid arguments and files raise `QuadliftError`, which names the argument
     or file, what was found and what was expected.
     """
 
@@ -48,6 +50,9 @@ class Scene(FromOtherPackages):
     def diagnose(self, *, source: str | None = None) -> dict[str, Any]:
         """Checks whether poses, cameras and boxes are consistent, and if not, which common mistake explains it.
 
+        If most detections have no object id, they are associated for it (up to 5000 of them; beyond that, check
+        ``associate()[0]``).
+
         Parameters
         ----------
         source : str, optional
@@ -56,11 +61,10 @@ class Scene(FromOtherPackages):
         Returns
         -------
         dict
-            As `Estimates.diagnosis`.
+            As `Estimates.diagnosis`. `consistent` is None if nothing was checked: no object has two boxes.
         """
         text, _ = self._core.diagnosis(_checks.optional(_checks.text, "source", source))
-        diagnosis: dict[str, Any] = json.loads(text)
-        return diagnosis
+        return _estimates.read_diagnosis(json.loads(text))
 
     def corrected(self, assume: str = "", *, up: str | ArrayLike | None = None) -> Scene:
         """The scene with corrections of common mistakes applied.
@@ -280,7 +284,9 @@ class Scene(FromOtherPackages):
 class Estimates(EstimateArrays):
     """Estimates of N objects from M detections.
 
-    Missing values are NaN. There is a body if the status is ``"ok"`` or ``"inconsistent"``.
+    Arrays with a row for each object; also a sequence of `Estimate`: ``estimates[0]``, ``estimates[-3:]``, or by the id
+    of the object as text, ``estimates["cup_1"]``. Missing values are NaN. There is a body if the status is ``"ok"`` or
+    ``"inconsistent"``.
 
     Attributes
     ----------
@@ -375,10 +381,10 @@ class Estimates(EstimateArrays):
         Numbers of skipped detections: `without_object`, `occluded_or_truncated`, `beyond_lens` (where the lens cannot
         be undistorted), `without_measurement` (without the measurement that `observations` selects).
     diagnosis : dict
-        The self-check: `consistent`, `score` (the typical distance by which boxes miss their object, in half sizes;
-        None if no object has two boxes) and `causes`, the common mistakes that explain an inconsistency, the best
-        first: `name`, `value`, `before` and `after` (the score before and after correction), `option` of the program
-        that corrects it (also a keyword of `Scene.corrected`).
+        The consistency check: `consistent` (None if it was not checked, as no object has two boxes), `score` (the
+        typical distance by which boxes miss their object, in half sizes; None if not checked) and `causes`, the common
+        mistakes that explain an inconsistency, the best first: `name`, `value`, `before` and `after` (the score before
+        and after correction), `option` of the program that corrects it (also a keyword of `Scene.corrected`).
     association : dict or None
         The result of association, if it was run: `objects` (`id`, `views`, `expected_views`, `evidence` in nats,
         `doubtful`), the numbers of detections `associated`, of `clutter` (unassigned) and `skipped` (by reason),
@@ -418,7 +424,7 @@ class Estimates(EstimateArrays):
             Width and height in pixels: edges at the border may be cut off there.
         edge_sd : float, optional
             Standard deviation of the edges of boxes, relative to their half size. That of the map by default.
-        up : array_like, shape (3,), optional
+        up : str or array_like, shape (3,), optional
             The direction against gravity in the world, for `up_in_camera` and `height`.
         up_in_camera : array_like, shape (3,), optional
             The same in the axes of the camera, where a sensor tells it: two boxes are then enough.
@@ -472,6 +478,38 @@ class Estimates(EstimateArrays):
         self._check_output(path, of_truth)
         page = self._localized.report(_checks.text("title", title), of_truth)
         _core.write_text(path, page)
+
+    def render(
+        self,
+        frame: str | int,
+        path: Path,
+        *,
+        labels: bool = False,
+        source: str | None = None,
+        truth: Scene | None = None,
+    ) -> None:
+        """Draws a frame with its detections and the outlines of the estimates, like ``quadlift render``.
+
+        Parameters
+        ----------
+        frame : str or int
+            Id of the frame.
+        path : path-like
+            The picture; its name ends in ``.png`` or ``.svg``.
+        labels : bool
+            Whether the ids of the objects are written beside their boxes.
+        source : str, optional
+            Draw only the detections of this source.
+        truth : Scene, optional
+            A scene with the true objects, drawn as dotted outlines.
+        """
+        frame, source = frame_id("frame", frame), _checks.optional(_checks.text, "source", source)
+        of_truth = _checks.optional(_checks.scene, "truth", truth)
+        self._localized.render(frame, path, _checks.flag("labels", labels), source, of_truth)
+
+    def export(self, format: str, path: Path, **options: Unpack[ExportOptions]) -> list[str]:
+        """Writes the estimates in a format of another program; see `Scene.export`."""
+        return self.to_scene().export(format, path, **options)
 
     def to_rerun(self, path: Path | None = None, *, truth: Scene | None = None) -> None:
         """Logs frames, detections and estimates to Rerun (https://rerun.io); needs its SDK.

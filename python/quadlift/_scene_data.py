@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _arrays, _checks, _core, _notebook, _rerun
+from . import _arrays, _checks, _core, _formats, _notebook, _rerun
 from ._core import QuadliftError
+from ._formats import ExportOptions
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-    from typing_extensions import Self
+    from typing_extensions import Self, Unpack
 
     from ._checks import Path
     from ._cues import Boxes3d, Depths
@@ -78,10 +79,10 @@ class SceneData:
     @classmethod
     def from_arrays(
         cls,
-        *,
-        projections: ArrayLike | None = None,
         intrinsics: ArrayLike | None = None,
         cam_from_world: ArrayLike | None = None,
+        *,
+        projections: ArrayLike | None = None,
         image_sizes: ArrayLike | None = None,
         frame_ids: Sequence[str] | None = None,
         images: Sequence[str] | None = None,
@@ -93,12 +94,12 @@ class SceneData:
 
         Parameters
         ----------
-        projections : array_like, shape (F, 3, 4)
-            World to pixels. Give either these, or `intrinsics` and `cam_from_world`.
         intrinsics : array_like, shape (3, 3) or (F, 3, 3)
             Pinhole cameras in pixels, one for all frames or one for each.
         cam_from_world : array_like, shape (F, 3, 4) or (F, 4, 4)
             Poses, world to camera, OpenCV's axes.
+        projections : array_like, shape (F, 3, 4)
+            World to pixels, in the place of `intrinsics` and `cam_from_world`.
         image_sizes : array_like, shape (2,) or (F, 2), optional
             Width and height in pixels.
         frame_ids : sequence of str, length F, optional
@@ -107,8 +108,8 @@ class SceneData:
             Paths of the images, for `segment` and for reports.
         name : str, optional
             Name of the scene.
-        up : array_like, shape (3,), optional
-            World direction against gravity.
+        up : str or array_like, shape (3,), optional
+            World direction against gravity: an axis such as ``"-y"``, or a direction.
         length_unit : str, optional
             World unit, such as "m".
         """
@@ -127,68 +128,73 @@ class SceneData:
 
     def with_detections(
         self,
-        *,
-        frame: ArrayLike,
         boxes: ArrayLike | None = None,
+        frames: ArrayLike | None = None,
+        objects: ArrayLike | None = None,
+        *,
         ellipses: ArrayLike | None = None,
         masks: Sequence[Any] | None = None,
-        outline: Sequence[ArrayLike | None] | None = None,
-        oriented_box: ArrayLike | None = None,
-        object: ArrayLike | None = None,
+        outlines: Sequence[ArrayLike | None] | None = None,
+        oriented_boxes: ArrayLike | None = None,
         scores: ArrayLike | None = None,
         categories: ArrayLike | None = None,
-        depth: Depths | ArrayLike | None = None,
-        box3d: Boxes3d | None = None,
+        depths: Depths | ArrayLike | None = None,
+        boxes3d: Boxes3d | None = None,
+        orientation: int | str | None = None,
         source: str | None = None,
     ) -> Self:
         """Returns the scene with M more detections.
 
         Parameters
         ----------
-        frame : array_like of int, shape (M,)
-            Indices of the frames, 0 to F - 1.
         boxes : array_like, shape (M, 4), optional
             ``[x0, y0, x1, y1]`` in pixels; a row of NaN means none.
+        frames : array_like of int, shape (M,)
+            Indices of the frames, 0 to F - 1.
+        objects : array_like of int or str, shape (M,), optional
+            The objects; negative numbers, None and "" mean unknown. A source detects each at most once per frame.
         ellipses : array_like, shape (M, 5), optional
             Center x and y, two semi-axes, and the angle of the first (radians, from x towards y); pixels. A row of NaN
             means none. Each detection needs a box, an ellipse, an outline or a turned box.
         masks : sequence of (H, W) arrays or None, length M, optional
             Non-zero pixels are the object.
-        outline : sequence of (K, 2) array_like or None, length M, optional
+        outlines : sequence of (K, 2) array_like or None, length M, optional
             Corners of the outlines in pixels, polygons. A detection without a box has the box around its outline.
-        oriented_box : array_like, shape (M, 5), optional
+        oriented_boxes : array_like, shape (M, 5), optional
             Turned boxes: center x and y, width, height, and the angle of the width (radians, from x towards y); pixels.
             A row of NaN means none. With an outline it is not used.
-        object : array_like of int or str, shape (M,), optional
-            The objects; negative numbers, None and "" mean unknown. A source detects each at most once per frame.
         scores : array_like, shape (M,), optional
             Scores; NaN means none.
         categories : array_like of int or str, shape (M,), optional
             Categories, by number or name; unknown values as for objects.
-        depth : Depths or array_like, shape (M,), optional
+        depths : Depths or array_like, shape (M,), optional
             Median depth of the visible surface along the optical axis, world units; NaN means none. As a mapping with
             `median`, and `sd` and `source` if known.
-        box3d : Boxes3d, optional
+        boxes3d : Boxes3d, optional
             3D boxes from single images: a mapping with any of `center`, `half_extents` and `rotation`, and `frame`,
             `sd`, `covariance`, `source`. With a center a detection needs neither a box nor an ellipse.
+        orientation : int or str, optional
+            EXIF orientation of the pictures that the detector saw, 1 to 8, if the cameras are those of the pictures as
+            stored: 6 for a phone held upright. ``"6-fractions"`` if the boxes were fractions of the turned pictures,
+            multiplied by width and height of the cameras' images.
         source : str, optional
             Name of the detector.
         """
         detections = _arrays.detections(
-            frame=frame,
+            frames=frames,
             boxes=boxes,
             ellipses=ellipses,
             masks=masks,
-            outline=outline,
-            oriented_box=oriented_box,
-            object=object,
+            outlines=outlines,
+            oriented_boxes=oriented_boxes,
+            objects=objects,
             scores=scores,
             categories=categories,
-            depth=depth,
-            box3d=box3d,
+            depths=depths,
+            boxes3d=boxes3d,
             source=source,
         )
-        return type(self)(self._core.with_detections(detections))
+        return type(self)(self._core.with_detections(detections, _arrays.orientation(orientation)))
 
     # Contents
 
@@ -201,7 +207,7 @@ class SceneData:
 
     def __repr__(self) -> str:
         name = f" {self.name!r}" if self.name else ""
-        counts = f"{len(self.frame_ids)} frames, {len(self)} detections, {self.objects} objects"
+        counts = f"{len(self.frame_ids)} frames, {len(self)} detections, {self.object_count} objects"
         return f"<quadlift.Scene{name}: {counts}>"
 
     @property
@@ -225,9 +231,9 @@ class SceneData:
         return self._core.object_ids
 
     @property
-    def objects(self) -> int:
+    def object_count(self) -> int:
         """Number of objects in the file: ground truth or estimates."""
-        return self._core.objects
+        return self._core.object_count
 
     # Reports
 
@@ -244,6 +250,50 @@ class SceneData:
         self._core.check_output(path)
         _core.write_text(path, self._core.report(_checks.text("title", title or self.name or "quadlift")))
 
+    def render(self, frame: str | int, path: Path, *, labels: bool = False, source: str | None = None) -> None:
+        """Draws a frame with its detections and the outlines of the objects, like ``quadlift render``.
+
+        Parameters
+        ----------
+        frame : str or int
+            Id of the frame.
+        path : path-like
+            The picture; its name ends in ``.png`` or ``.svg``.
+        labels : bool
+            Whether the ids of the objects are written beside their boxes.
+        source : str, optional
+            Draw only the detections of this source.
+        """
+        frame, source = frame_id("frame", frame), _checks.optional(_checks.text, "source", source)
+        self._core.render(frame, path, _checks.flag("labels", labels), source)
+
+    def export(self, format: str, path: Path, **options: Unpack[ExportOptions]) -> list[str]:
+        """Writes the objects or cameras in a format of another program, like ``quadlift export``.
+
+        Parameters
+        ----------
+        format : str
+            Objects: ``"ply"``, ``"glb"``, ``"kitti"``, ``"bop"``, ``"boxer"``, ``"coco"``, ``"geojson"``, ``"mcap"``,
+            ``"ros"`` or ``"csv"``; cameras: ``"tum"`` or ``"colmap"``; the whole scene: ``"parquet"``, if the package
+            was built with it (docs/formats/exports.md). `to_rerun` makes recordings of Rerun.
+        path : path-like
+            The file; for ``"colmap"`` and ``"parquet"`` a folder.
+        **options : ExportOptions
+            Options of the format; `quadlift.ExportOptions` lists them.
+
+        Returns
+        -------
+        list of str
+            What was converted, assumed and left out.
+
+        Raises
+        ------
+        QuadliftError
+            If there is nothing to write, or if the file is an image or mask of the scene.
+        """
+        texts = _formats.texts(options, ExportOptions, "export")
+        return self._core.export(_checks.text("format", format), path, texts)
+
     def to_rerun(self, path: Path | None = None) -> None:
         """Logs frames, detections and objects to Rerun (https://rerun.io); needs its SDK.
 
@@ -258,6 +308,15 @@ class SceneData:
 
     def _repr_html_(self) -> str:
         return _notebook.in_notebook(self._core.report(self.name or "quadlift"))
+
+
+def frame_id(name: str, value: Any) -> str:
+    """A text, or a whole number as text."""
+    if isinstance(value, int | np.integer) and not isinstance(value, bool):
+        return str(int(value))
+    if not isinstance(value, str):
+        raise QuadliftError(f"{name} is {value!r}; expected a text or a whole number")
+    return _checks.text(name, value)
 
 
 def _read_again(cls: type[SceneData], text: str, path: Path) -> SceneData:

@@ -65,8 +65,8 @@ def localize(
         As in `quadlift.localize`. If `sigmas` are missing or this is ``"auto"``, they are estimated immediately, on the
         driver, from a sample of the objects that depends on their ids only. Without the column `object`, they are
         estimated for each scene separately.
-    up : array_like, shape (3,), optional
-        World direction against gravity.
+    up : str or array_like, shape (3,), optional
+        World direction against gravity: an axis such as ``"-y"``, or a direction.
     length_unit : str, optional
         World unit; ``"m"`` is required for ``priors="builtin"``.
     hidden_edges : bool

@@ -44,9 +44,9 @@ class Arrays:
 
     projections: NDArray[np.float64]
     image_sizes: NDArray[np.float64]
-    frame: NDArray[np.int64]
+    frames: NDArray[np.int64]
     boxes: NDArray[np.float64]
-    object: NDArray[np.int64]
+    objects: NDArray[np.int64]
 
     def arguments(self) -> dict[str, Any]:
         return dict(vars(self))

@@ -32,9 +32,9 @@ def half(first_angle: float, ids: list[str], scale: float, shift: list[float]) -
         intrinsics=INTRINSICS,
         cam_from_world=poses,
         image_sizes=(640, 480),
-        frame=np.tile(np.arange(FRAMES), 8),
+        frames=np.tile(np.arange(FRAMES), 8),
         boxes=boxes.reshape(-1, 4),
-        object=np.repeat(ids, FRAMES),
+        objects=np.repeat(ids, FRAMES),
         categories=np.repeat(["ball", "cup"] * 4, FRAMES),
     )
     return estimates.to_scene()
@@ -60,7 +60,7 @@ def test_maps_from_two_sides_are_aligned_and_merged() -> None:
     assert 0 < best.position_sd < 0.05
     assert 0 < best.log_scale_sd < 0.05
     assert alignment.merged is not None
-    assert alignment.merged.objects == 8
+    assert alignment.merged.object_count == 8
     assert len(alignment.merged.frame_ids) == 2 * FRAMES
 
 

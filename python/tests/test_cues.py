@@ -37,11 +37,11 @@ class Cued:
         place = {frame["id"]: k for k, frame in enumerate(frames)}
         boxes3d = [d["box3d"] for d in detections]
         self.found = {
-            "frame": [place[d["frame"]] for d in detections],
-            "object": [d["object"] for d in detections],
+            "frames": [place[d["frame"]] for d in detections],
+            "objects": [d["object"] for d in detections],
             "boxes": np.array([d["box"] for d in detections]),
-            "depth": {"median": np.array([d["depth"]["median"] for d in detections]), "source": "depth"},
-            "box3d": {
+            "depths": {"median": np.array([d["depth"]["median"] for d in detections]), "source": "depth"},
+            "boxes3d": {
                 **{name: np.array([b[name] for b in boxes3d]) for name in ("center", "half_extents", "rotation")},
                 "source": [b["source"] for b in boxes3d],
             },
@@ -49,9 +49,9 @@ class Cued:
 
     def in_world(self) -> dict[str, Any]:
         """The 3D boxes in the world."""
-        poses = self.frames["cam_from_world"][self.found["frame"]]
+        poses = self.frames["cam_from_world"][self.found["frames"]]
         turns, shifts = poses[:, :, :3], poses[:, :, 3]
-        box3d = self.found["box3d"]
+        box3d = self.found["boxes3d"]
         centers = np.einsum("nji,nj->ni", turns, box3d["center"] - shifts)
         rotations = np.array([product(inverse(of(r)), q) for r, q in zip(turns, box3d["rotation"], strict=True)])
         return {**box3d, "center": centers, "rotation": rotations, "frame": "world"}
@@ -94,30 +94,30 @@ def test_arrays_give_what_the_file_gives(cued: Cued) -> None:
     (depth,) = [scale for scale in of_arrays.cue_scales if scale["quantity"] == "depth"]
     assert depth["source"] == "depth"
     assert depth["factor"] == pytest.approx(1.1, abs=0.05)
-    without = quadlift.localize(**cued.frames, **{**cued.found, "depth": None, "box3d": None})
+    without = quadlift.localize(**cued.frames, **{**cued.found, "depths": None, "boxes3d": None})
     assert without.cue_scales == []
     assert np.abs(without.semi_axes - of_arrays.semi_axes).max() > 0.1
 
 
 def test_boxes_of_the_world_are_those_of_the_cameras(cued: Cued) -> None:
     of_cameras = quadlift.localize(**cued.frames, **cued.found)
-    of_world = quadlift.localize(**cued.frames, **{**cued.found, "box3d": cued.in_world()})
+    of_world = quadlift.localize(**cued.frames, **{**cued.found, "boxes3d": cued.in_world()})
     np.testing.assert_allclose(of_world.centers, of_cameras.centers, atol=1e-6)
     np.testing.assert_allclose(of_world.semi_axes, of_cameras.semi_axes, atol=1e-6)
     # One frame of reference for each box.
-    mixed = {**cued.found["box3d"], "frame": ["camera"] * len(cued.found["frame"])}
+    mixed = {**cued.found["boxes3d"], "frame": ["camera"] * len(cued.found["frames"])}
     mixed["frame"][0] = "world"
     world = cued.in_world()
     for name in ("center", "rotation"):
         mixed[name] = np.array([world[name][0], *mixed[name][1:]])
-    of_both = quadlift.localize(**cued.frames, **{**cued.found, "box3d": mixed})
+    of_both = quadlift.localize(**cued.frames, **{**cued.found, "boxes3d": mixed})
     np.testing.assert_allclose(of_both.centers, of_cameras.centers, atol=1e-6)
 
 
 def test_scenes_keep_them(cued: Cued, tmp_path: Path) -> None:
     scene = quadlift.Scene.from_arrays(**cued.frames, frame_ids=[f["id"] for f in cued.document["frames"]])
-    detections = {name: value for name, value in cued.found.items() if name != "object"}
-    scene = scene.with_detections(**detections, object=cued.found["object"])
+    detections = {name: value for name, value in cued.found.items() if name != "objects"}
+    scene = scene.with_detections(**detections, objects=cued.found["objects"])
     scene.write(tmp_path / "scene.json")
     for found in (scene.to_dict(), read_json(tmp_path / "scene.json")):
         for detection, expected in zip(found["detections"], cued.document["detections"], strict=True):
@@ -133,7 +133,7 @@ def one_view() -> tuple[Arrays, NDArray[np.float64]]:
     made = made_scene(views=6)
     centers = np.random.default_rng(0).uniform(-2.0, 2.0, (4, 3))
     depths = (made.projections[0] @ np.column_stack([centers, np.ones(4)]).T)[2]
-    return Arrays(made.projections[:1], made.image_sizes[:1], made.frame[:4], made.boxes[:4], made.object[:4]), depths
+    return Arrays(made.projections[:1], made.image_sizes[:1], made.frames[:4], made.boxes[:4], made.objects[:4]), depths
 
 
 def test_one_view_with_a_depth_is_enough_and_nan_is_none() -> None:
@@ -142,7 +142,7 @@ def test_one_view_with_a_depth_is_enough_and_nan_is_none() -> None:
     assert set(without.status) == {"too_few_views"}
     median = depths.copy()
     median[2] = np.nan
-    estimates = quadlift.localize(**made.arguments(), depth=median, body="ellipsoid")
+    estimates = quadlift.localize(**made.arguments(), depths=median, body="ellipsoid")
     assert estimates.status.tolist() == ["ok", "ok", "too_few_views", "ok"]
     assert all("only one view" in " ".join(told) for told in (estimates.warnings[k] for k in (0, 1, 3)))
     # Standard deviations weight depths against each other, of one source by its name or as one for each.
@@ -151,11 +151,11 @@ def test_one_view_with_a_depth_is_enough_and_nan_is_none() -> None:
         {"median": median.tolist(), "sd": np.full(4, 0.1), "source": np.array(["a", None, "a", "b"])},
     ]
     for depth in depths_of_sources:
-        assert quadlift.localize(**made.arguments(), depth=depth).ok.tolist() == [True, True, False, True]
+        assert quadlift.localize(**made.arguments(), depths=depth).ok.tolist() == [True, True, False, True]
 
 
 def test_a_3d_box_needs_no_box(cued: Cued) -> None:
-    found = {**cued.found, "boxes": None, "depth": None}
+    found = {**cued.found, "boxes": None, "depths": None}
     estimates = quadlift.localize(**cued.frames, **found)
     assert estimates.ok.all()
     truth = {o["id"]: o["ellipsoid"]["center"] for o in cued.document["objects"]}
@@ -164,7 +164,7 @@ def test_a_3d_box_needs_no_box(cued: Cued) -> None:
 
 
 def test_deviations_and_covariances_are_those_of_files(cued: Cued) -> None:
-    count = len(cued.found["frame"])
+    count = len(cued.found["frames"])
     distance = np.linspace(0.02, 0.2, count)
     distance[1] = np.nan
     root = np.random.default_rng(1).normal(size=(count, 9, 9)) * 0.1
@@ -175,8 +175,8 @@ def test_deviations_and_covariances_are_those_of_files(cued: Cued) -> None:
             detection["box3d"]["covariance"] = covariance[k].tolist()
             covariance[k - 1] = np.nan
         detection["box3d"]["sd"] = {"size": 0.1, **({} if k == 1 else {"distance": distance[k]})}
-    box3d = {**cued.found["box3d"], "sd": {"distance": distance, "size": 0.1}, "covariance": covariance}
-    of_arrays = quadlift.localize(**cued.frames, **{**cued.found, "box3d": box3d})
+    box3d = {**cued.found["boxes3d"], "sd": {"distance": distance, "size": 0.1}, "covariance": covariance}
+    of_arrays = quadlift.localize(**cued.frames, **{**cued.found, "boxes3d": box3d})
     of_file = quadlift.Scene.from_dict(document).localize()
     rows = [list(of_file.object_ids).index(name) for name in of_arrays.object_ids]
     np.testing.assert_array_equal(of_arrays.centers, of_file.centers[rows])
@@ -187,31 +187,31 @@ def test_deviations_and_covariances_are_those_of_files(cued: Cued) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"depth": [1.0, 2.0]}, "depth has 2 rows; expected 4, as many as frame"),
-        ({"depth": [5.0, -1.0, 5.0, 5.0]}, "depth[1]: the depth is -1"),
-        ({"depth": {"sd": 1.0}}, 'depth has no "median"'),
-        ({"depth": {"median": [5.0] * 4, "sd": [1.0, 1.0, 0.0, 1.0]}}, "depth[2]: the standard deviation is 0"),
+        ({"depths": [1.0, 2.0]}, "depths has the shape (2,); expected (4,), as many rows as frames"),
+        ({"depths": [5.0, -1.0, 5.0, 5.0]}, "depths[1]: the depth is -1"),
+        ({"depths": {"sd": 1.0}}, 'depths has no "median"'),
+        ({"depths": {"median": [5.0] * 4, "sd": [1.0, 1.0, 0.0, 1.0]}}, "depths[2]: the standard deviation is 0"),
         (
-            {"depth": {"median": [5.0] * 4, "scale": 2.0}},
-            "depth has the field 'scale'; expected 'median', 'sd', 'source'",
+            {"depths": {"median": [5.0] * 4, "scale": 2.0}},
+            "depths has the field 'scale'; expected 'median', 'sd', 'source'",
         ),
-        ({"depth": {"median": [5.0] * 4, "source": [1.5] * 4}}, 'depth["source"] has the dtype float64'),
-        ({"box3d": np.zeros((4, 7))}, "box3d is a ndarray; expected a mapping"),
-        ({"box3d": {"source": "net"}}, "box3d has neither center nor half_extents nor rotation"),
-        ({"box3d": {"center": np.ones((4, 2))}}, 'box3d["center"] has the shape (4, 2); expected (M, 3)'),
+        ({"depths": {"median": [5.0] * 4, "source": [1.5] * 4}}, 'depths["source"] has the dtype float64'),
+        ({"boxes3d": np.zeros((4, 7))}, "boxes3d is a ndarray; expected a mapping"),
+        ({"boxes3d": {"source": "net"}}, "boxes3d has neither center nor half_extents nor rotation"),
+        ({"boxes3d": {"center": np.ones((4, 2))}}, 'boxes3d["center"] has the shape (4, 2); expected (M, 3)'),
         (
-            {"box3d": {"center": -np.ones((4, 3))}},
-            "box3d[0]: the center [-1.0, -1.0, -1.0] is not in front of the camera",
+            {"boxes3d": {"center": -np.ones((4, 3))}},
+            "boxes3d[0]: the center [-1.0, -1.0, -1.0] is not in front of the camera",
         ),
         (
-            {"box3d": {"rotation": np.ones((4, 4))}},
-            'box3d["rotation"][0]: [1.0, 1.0, 1.0, 1.0] is not a unit quaternion',
+            {"boxes3d": {"rotation": np.ones((4, 4))}},
+            'boxes3d["rotation"][0]: [1.0, 1.0, 1.0, 1.0] is not a unit quaternion',
         ),
-        ({"box3d": {"half_extents": [[1.0, 1.0, 0.0]] * 4}}, "box3d[0]: the half extents are [1.0, 1.0, 0.0]"),
-        ({"box3d": {"half_extents": np.ones((4, 3)), "frame": "lidar"}}, "box3d[\"frame\"] has 'lidar'"),
-        ({"box3d": {"half_extents": np.ones((4, 3)), "sd": 0.1}}, 'box3d["sd"] is a float; expected a mapping'),
-        ({"box3d": {"half_extents": np.ones((4, 3)), "sd": {"yaw": 1.0}}}, "box3d[\"sd\"] has the field 'yaw'"),
-        ({"boxes": np.full((4, 4), np.nan), "box3d": {"half_extents": np.ones((4, 3))}}, "row 0 has neither a box"),
+        ({"boxes3d": {"half_extents": [[1.0, 1.0, 0.0]] * 4}}, "boxes3d[0]: the half extents are [1.0, 1.0, 0.0]"),
+        ({"boxes3d": {"half_extents": np.ones((4, 3)), "frame": "lidar"}}, "boxes3d[\"frame\"] has 'lidar'"),
+        ({"boxes3d": {"half_extents": np.ones((4, 3)), "sd": 0.1}}, 'boxes3d["sd"] is a float; expected a mapping'),
+        ({"boxes3d": {"half_extents": np.ones((4, 3)), "sd": {"yaw": 1.0}}}, "boxes3d[\"sd\"] has the field 'yaw'"),
+        ({"boxes": np.full((4, 4), np.nan), "boxes3d": {"half_extents": np.ones((4, 3))}}, "row 0 has neither a box"),
     ],
 )
 def test_what_is_wrong_is_named(arguments: dict[str, Any], message: str) -> None:
@@ -237,8 +237,8 @@ def test_the_object_map_keeps_them(program: Program, tmp_path: Path) -> None:
             camera=cameras[frame["camera"]],
             cam_from_world=frame["cam_from_world"],
             boxes=[d["box"] for d in found],
-            depth={"median": [d["depth"]["median"] for d in found], "source": "depth"},
-            box3d={"center": [d["box3d"]["center"] for d in found], "source": "box3d"},
+            depths={"median": [d["depth"]["median"] for d in found], "source": "depth"},
+            boxes3d={"center": [d["box3d"]["center"] for d in found], "source": "box3d"},
         )
     kept = scene_map.to_scene().to_dict()["detections"]
     assert len(kept) > 100
@@ -252,7 +252,7 @@ def test_the_object_map_keeps_them(program: Program, tmp_path: Path) -> None:
     first = document["frames"][0]
     pose = {"camera": cameras[first["camera"]], "cam_from_world": first["cam_from_world"]}
     with pytest.raises(quadlift.QuadliftError, match=r'frame "x": .*the depth is -1'):
-        scene_map.observe("x", time=99, **pose, boxes=[[1, 1, 9, 9]], depth=[-1.0])
+        scene_map.observe("x", time=99, **pose, boxes=[[1, 1, 9, 9]], depths=[-1.0])
 
 
 # Tables
@@ -263,11 +263,11 @@ def tables(cued: Cued, box3d: dict[str, Any]) -> tuple[pa.Table, pa.Table]:
     found = cued.found
     boxes = dict(zip(("x0", "y0", "x1", "y1"), found["boxes"].T, strict=True))
     columns = {
-        **{"frame": found["frame"], "object": found["object"], **boxes},
-        "depth_median": found["depth"]["median"],
-        "depth_source": ["depth"] * len(found["frame"]),
+        **{"frame": found["frames"], "object": found["objects"], **boxes},
+        "depth_median": found["depths"]["median"],
+        "depth_source": ["depth"] * len(found["frames"]),
         **{f"box3d_{name}": box3d[name].tolist() for name in ("center", "half_extents", "rotation")},
-        "box3d_frame": [box3d.get("frame", "camera")] * len(found["frame"]),
+        "box3d_frame": [box3d.get("frame", "camera")] * len(found["frames"]),
         "box3d_source": box3d["source"],
     }
     poses = cued.frames["cam_from_world"].reshape(-1, 12).tolist()
@@ -282,7 +282,7 @@ def test_tables_of_objects_and_of_scenes(cued: Cued) -> None:
     given: dict[str, Any] = {"sigmas": whole.noise, "body": "ellipsoid"}
     up = cued.frames["up"]
     expected = quadlift.localize(**cued.frames, **cued.found, **given, upright=False)
-    detections, cameras = tables(cued, cued.found["box3d"])
+    detections, cameras = tables(cued, cued.found["boxes3d"])
     frames = batches.with_hidden_edges(batches.group(detections, ["frame"]))
     rows = batches.group(batches.ungroup(frames), ["object"])
     found = batches.localize_objects(rows, cameras, up=up, **given)
@@ -300,7 +300,7 @@ def test_tables_of_objects_and_of_scenes(cued: Cued) -> None:
     assert set(of_boxes3d["status"].to_pylist()) == {"ok"}
     # A scene without ids, as a row.
     scene = batches.group(
-        tables(cued, cued.found["box3d"])[0]
+        tables(cued, cued.found["boxes3d"])[0]
         .drop_columns("object")
         .append_column("scene", pa.array(["a"] * len(detections))),
         ["scene"],
@@ -310,7 +310,7 @@ def test_tables_of_objects_and_of_scenes(cued: Cued) -> None:
 
 
 def test_wrong_rows_of_tables_are_named(cued: Cued) -> None:
-    detections, cameras = tables(cued, cued.found["box3d"])
+    detections, cameras = tables(cued, cued.found["boxes3d"])
     rows = detections.to_pylist()
     rows.sort(key=lambda row: row["frame"])
     assert len({row["object"] for row in rows[:4]}) == 4

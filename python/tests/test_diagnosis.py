@@ -50,8 +50,34 @@ def test_inverted_poses_are_told_and_mended() -> None:
     scene = quadlift.Scene.from_arrays(**frames).with_detections(**wrong)
     assert scene.diagnose() == estimates.diagnosis
     mended = scene.corrected("poses=world-from-camera")
-    assert mended.diagnose()["consistent"]
+    assert mended.diagnose()["consistent"] is True
+    assert mended.diagnose()["score"] < 0.1
     np.testing.assert_allclose(mended.localize().centers, quadlift.localize(**given).centers, atol=1e-6)
+
+
+def test_scenes_without_ids_are_associated_for_the_check() -> None:
+    made = made_scene(objects=6, views=12)
+    given = dict(made.arguments())
+    del given["objects"]
+    frames = {name: given.pop(name) for name in ("projections", "image_sizes")}
+    diagnosis = quadlift.Scene.from_arrays(**frames).with_detections(**given).diagnose()
+    assert diagnosis["consistent"] is True
+    assert diagnosis["score"] < 0.1
+    frames["projections"] = with_inverted_poses(frames["projections"])
+    diagnosis = quadlift.Scene.from_arrays(**frames).with_detections(**given).diagnose()
+    assert diagnosis["consistent"] is False
+    assert diagnosis["causes"][0]["name"] == "camera_to_world"
+
+
+def test_nothing_is_consistent_that_was_not_checked() -> None:
+    made = made_scene(objects=2, views=2)
+    scene = quadlift.Scene.from_arrays(projections=made.projections, image_sizes=(640, 480))
+    one_view = scene.with_detections(made.boxes[:1], made.frames[:1], made.objects[:1])
+    assert one_view.diagnose()["consistent"] is None
+    # Too many to be associated for a check.
+    many = scene.with_detections(np.tile(made.boxes[:2], (2501, 1)), np.tile(made.frames[:2], 2501))
+    diagnosis = many.diagnose()
+    assert (diagnosis["consistent"], diagnosis["score"], diagnosis["causes"]) == (None, None, [])
 
 
 def test_corrections_have_the_programs_names_and_values() -> None:
@@ -59,7 +85,7 @@ def test_corrections_have_the_programs_names_and_values() -> None:
         intrinsics=[[500, 0, 320], [0, 500, 240], [0, 0, 1]],
         cam_from_world=np.tile(np.eye(3, 4), (2, 1, 1)),
         image_sizes=(640, 480),
-    ).with_detections(frame=[0], boxes=[[10.0, 20.0, 30.0, 50.0]])
+    ).with_detections(frames=[0], boxes=[[10.0, 20.0, 30.0, 50.0]])
 
     def box(scene: quadlift.Scene) -> list[float]:
         numbers: list[float] = scene.to_dict()["detections"][0]["box"]

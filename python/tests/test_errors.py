@@ -26,7 +26,10 @@ MADE = made_scene(objects=2, views=5)
 # Arguments that replace the right ones, and the message.
 CASES: dict[str, tuple[dict[str, Any], str]] = {
     "shape of boxes": ({"boxes": np.zeros((10, 3))}, "boxes has the shape (10, 3); expected (M, 4)"),
-    "rows of boxes": ({"boxes": MADE.boxes[:7]}, "boxes has 7 rows; expected 10, as many as frame"),
+    "rows of boxes": (
+        {"boxes": MADE.boxes[:7]},
+        "boxes has the shape (7, 4); expected (10, 4), as many rows as frames",
+    ),
     "dtype of boxes": ({"boxes": np.full((10, 4), "a")}, "boxes has the dtype <U1; expected real numbers"),
     "complex": ({"boxes": np.zeros((10, 4), complex)}, "boxes has the dtype complex128; expected real numbers"),
     "ragged": ({"boxes": [[1, 2], [3]]}, "boxes is not an array:"),
@@ -41,12 +44,16 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "reversed box": ({"boxes": MADE.boxes[:, [2, 1, 0, 3]]}, "boxes[0]: the box"),
     "no box": ({"boxes": changed(MADE.boxes, 4, NAN)}, "row 4 has neither a box nor an ellipse"),
+    "frames": ({"frames": None}, "expected frames, the index of the frame of each detection, of the shape (M,)"),
     "nothing measured": ({"boxes": None}, "expected boxes or ellipses; found none of them"),
-    "frame": ({"frame": np.arange(10)}, "frame[5] is 5; expected 0 to 4: there are 5 frames"),
-    "negative frame": ({"frame": -np.ones(10, int)}, "frame[0] is -1; expected 0 to 4: there are 5 frames"),
-    "frame, half": ({"frame": MADE.frame + 0.5}, "frame[0] is 0.5; expected a whole number"),
-    "frame, gap": ({"frame": np.where(MADE.frame == 1, NAN, MADE.frame)}, "frame[2] is nan; expected a whole number"),
-    "dtype of frame": ({"frame": ["a"] * 10}, "frame has the dtype <U1; expected whole numbers"),
+    "frame": ({"frames": np.arange(10)}, "frames[5] is 5; expected 0 to 4: there are 5 frames"),
+    "negative frame": ({"frames": -np.ones(10, int)}, "frames[0] is -1; expected 0 to 4: there are 5 frames"),
+    "frame, half": ({"frames": MADE.frames + 0.5}, "frames[0] is 0.5; expected a whole number"),
+    "frame, gap": (
+        {"frames": np.where(MADE.frames == 1, NAN, MADE.frames)},
+        "frames[2] is nan; expected a whole number",
+    ),
+    "dtype of frame": ({"frames": ["a"] * 10}, "frames has the dtype <U1; expected whole numbers"),
     "shape of intrinsics": (
         {"projections": None, "intrinsics": np.eye(4), "cam_from_world": np.zeros((5, 3, 4))},
         "intrinsics has the shape (4, 4); expected (F, 3, 3) or (3, 3)",
@@ -54,15 +61,15 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     "shape of sizes": ({"image_sizes": 640}, "image_sizes has the shape (); expected (F, 2) or (2,)"),
     "no frames": (
         {"projections": np.zeros((0, 3, 4)), "image_sizes": None},
-        "frame[0] is 0; there are no frames",
+        "frames[0] is 0; there are no frames",
     ),
     "twice": (
-        {"object": np.zeros(10, int)},
+        {"objects": np.zeros(10, int)},
         'row 1: the object "0" is detected twice in frame "0" (first in row 0)',
     ),
-    "object": ({"object": np.linspace(0, 1, 10)}, "object has the dtype float64; expected whole numbers or texts"),
-    "rows of object": ({"object": [1]}, "object has 1 rows; expected 10, as many as frame"),
-    "objects": ({"object": [()] * 10}, "object has the shape (10, 0); expected (M,)"),
+    "object": ({"objects": np.linspace(0, 1, 10)}, "objects has the dtype float64; expected whole numbers or texts"),
+    "rows of object": ({"objects": [1]}, "objects has the shape (1,); expected (10,), as many rows as frames"),
+    "objects": ({"objects": [()] * 10}, "objects has the shape (10, 0); expected (M,)"),
     "singular": ({"projections": np.zeros((5, 3, 4))}, "projections[0]: the left 3x3 block"),
     "no cameras": ({"projections": None}, "expected projections, or intrinsics and cam_from_world; found none of them"),
     "half a camera": (
@@ -89,9 +96,10 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
         {"priors": {"cup": {"size": (1, 2), "size_sd": (1, 1, 1)}}},
         "priors['cup']['size'] has the shape (2,); expected (3,)",
     ),
+    "up, axis": ({"up": "north"}, "up is 'north'; expected x, y, z, -x, -y, -z or three numbers"),
     "up": ({"up": [0, 0, 0]}, "up: [0.0, 0.0, 0.0] is not a direction"),
-    "empty": ({"frame": [], "boxes": np.zeros((0, 4)), "object": []}, "there is nothing to localize"),
-    "no objects": ({"object": -np.ones(10, int), "associate": "never"}, "10 detections have no object id"),
+    "empty": ({"frames": [], "boxes": np.zeros((0, 4)), "objects": []}, "there is nothing to localize"),
+    "no objects": ({"objects": -np.ones(10, int), "associate": "never"}, "10 detections have no object id"),
     "method": ({"method": "magic"}, 'method is "magic"; expected one of map, planes'),
     "body": ({"body": "ball"}, 'body is "ball"; expected one of auto, ellipsoid'),
     "exponent": ({"body": "superellipsoid:3"}, 'body is "superellipsoid:3"; expected'),
@@ -140,6 +148,11 @@ def test_unknown_keywords(made: Arrays) -> None:
     wrong: dict[str, Any] = {"lamda": 3}
     with pytest.raises(TypeError, match=r"localize\(\) got an unexpected keyword argument 'lamda'"):
         quadlift.localize(**made.arguments(), **wrong)
+    # Also if it takes the place of one that is missing.
+    given = made.arguments()
+    wrong = {**given, "frame": given.pop("frames")}
+    with pytest.raises(TypeError, match="unexpected keyword argument 'frame'"):
+        quadlift.localize(**{**wrong, "frames": None})
 
 
 def test_what_is_no_scene() -> None:
@@ -186,7 +199,9 @@ def test_files(tmp_path: Path) -> None:
 
 
 def test_wrong_options_of_association() -> None:
-    scene = quadlift.Scene.from_arrays(projections=MADE.projections).with_detections(frame=MADE.frame, boxes=MADE.boxes)
+    scene = quadlift.Scene.from_arrays(projections=MADE.projections).with_detections(
+        frames=MADE.frames, boxes=MADE.boxes
+    )
     wrong: dict[str, tuple[dict[str, Any], str]] = {
         "pixel_sd": ({"pixel_sd": -1}, "-1"),
         "max_overlap": ({"max_overlap": 2.0}, "2"),
@@ -238,17 +253,17 @@ def test_wrong_frames(arguments: dict[str, Any], message: str) -> None:
 
 def test_odd_ids_and_numbers_are_refused_in_words(made: Arrays) -> None:
     cameras = quadlift.Scene.from_arrays(projections=made.projections, image_sizes=(640, 480))
-    whole: dict[str, Any] = {"frame": made.frame, "boxes": made.boxes}
-    for ids in [made.object.astype(np.uint64) + np.uint64(2**64 - 4), np.array(["\ud800"] * 24), ["\udfff"] * 24]:
+    whole: dict[str, Any] = {"frames": made.frames, "boxes": made.boxes}
+    for ids in [made.objects.astype(np.uint64) + np.uint64(2**64 - 4), np.array(["\ud800"] * 24), ["\udfff"] * 24]:
         with pytest.raises(quadlift.QuadliftError, match="object"):
-            cameras.with_detections(**whole, object=ids)
+            cameras.with_detections(**whole, objects=ids)
         with pytest.raises(quadlift.QuadliftError, match="object"):
-            quadlift.localize(**{**made.arguments(), "object": ids})
+            quadlift.localize(**{**made.arguments(), "objects": ids})
     for name in ["frame_ids", "images"]:
         texts = {name: [f"\ud800{k}" for k in range(6)]}
         with pytest.raises(quadlift.QuadliftError, match="not Unicode"):
             quadlift.Scene.from_arrays(projections=made.projections, **texts)  # type: ignore[arg-type]
-    document = cameras.with_detections(**whole, object=made.object).to_dict()
+    document = cameras.with_detections(**whole, objects=made.objects).to_dict()
     document["detections"][0]["score"] = np.float32(0.5)
     document["up"] = np.array([0, 0, 1], dtype=np.int64)
     document["length_unit"] = "\ud800"

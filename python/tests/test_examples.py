@@ -65,7 +65,7 @@ def test_a_video(tmp_path: Path) -> None:
     assert [(o["category"], o["memory"]["detections"]) for o in objects] == [("cup", 29)] * 2
     centers = np.array(sorted(o["center"] for o in objects))
     np.testing.assert_allclose(centers, [[-0.75, 0, 5], [0.75, 0, 5]], atol=0.3)
-    assert quadlift.Scene.read(tmp_path / "map.json").objects == 2
+    assert quadlift.Scene.read(tmp_path / "map.json").object_count == 2
 
 
 def test_it_is_short() -> None:

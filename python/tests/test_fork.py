@@ -41,13 +41,13 @@ def in_child(work: Any) -> Any:
 
 def observe(object_map: quadlift.ObjectMap, made: Arrays, first: int = 0) -> None:
     for k, projection in enumerate(made.projections):
-        found = {"projection": projection, "image_size": (640, 480), "boxes": made.boxes[made.frame == k]}
+        found = {"projection": projection, "image_size": (640, 480), "boxes": made.boxes[made.frames == k]}
         object_map.observe(first + k, time=first + k, **found)
 
 
 def test_everything_works_in_forked_children(made: Arrays, tmp_path: Path) -> None:
     cameras = quadlift.Scene.from_arrays(projections=made.projections, image_sizes=(640, 480))
-    scene = cameras.with_detections(frame=made.frame, boxes=made.boxes, object=made.object)
+    scene = cameras.with_detections(frames=made.frames, boxes=made.boxes, objects=made.objects)
     # Starts the threads of this process, which its children do not have.
     here = scene.localize()
     _, objects = scene.associate(ids="ignore")

@@ -46,7 +46,7 @@ def test_exact_boxes_give_the_true_bodies(made: Arrays) -> None:
     )
     np.testing.assert_allclose(estimates.enclosing_centers, estimates.centers, atol=0.005)
     assert estimates.views_used.tolist() == [6] * 4
-    assert estimates.object_indices.tolist() == made.object.tolist()
+    assert estimates.object_indices.tolist() == made.objects.tolist()
     assert estimates.inliers.all()
     assert (estimates.residuals < 1.0).all()
 
@@ -61,12 +61,12 @@ def test_a_wrong_box_is_an_outlier() -> None:
 def test_objects_come_in_ascending_order(made: Arrays) -> None:
     arguments = made.arguments()
     expected = quadlift.localize(**arguments)
-    relabelled = np.array([30, 10, 20, 5])[made.object]
-    found = quadlift.localize(**{**arguments, "object": relabelled})
+    relabelled = np.array([30, 10, 20, 5])[made.objects]
+    found = quadlift.localize(**{**arguments, "objects": relabelled})
     assert found.object_ids.tolist() == [5, 10, 20, 30]
     np.testing.assert_array_equal(found.centers, expected.centers[[3, 1, 2, 0]])
     np.testing.assert_array_equal(found.object_ids[found.object_indices], relabelled)
-    words = quadlift.localize(**{**arguments, "object": np.array(["d", "b", "c", "a"])[made.object]})
+    words = quadlift.localize(**{**arguments, "objects": np.array(["d", "b", "c", "a"])[made.objects]})
     assert words.object_ids.tolist() == ["a", "b", "c", "d"]
     np.testing.assert_array_equal(words.centers, found.centers)
 
@@ -78,16 +78,16 @@ def test_with_sigmas_objects_are_apart(made: Arrays) -> None:
     whole = quadlift.localize(**arguments, **options)
     assert whole.noise == first.noise
     np.testing.assert_allclose(whole.centers, first.centers, atol=1e-4)
-    rows = made.object == 2
+    rows = made.objects == 2
     alone = quadlift.localize(
         projections=made.projections,
         image_sizes=made.image_sizes,
-        frame=made.frame[rows],
+        frames=made.frames[rows],
         boxes=made.boxes[rows],
-        object=["any name"] * int(rows.sum()),
+        objects=["any name"] * int(rows.sum()),
         **options,
     )
-    hidden = _core.hidden_edges(made.frame, made.boxes)
+    hidden = _core.hidden_edges(made.frames, made.boxes)
     assert not hidden[rows].any(), "nothing else is before it"
     np.testing.assert_array_equal(alone.centers[0], whole.centers[2])
     np.testing.assert_array_equal(alone.covariances[0], whole.covariances[2])
@@ -104,10 +104,10 @@ def test_bad_rows_are_listed(made: Arrays) -> None:
     boxes = made.boxes.copy()
     boxes[3] = np.nan
     boxes[5] = boxes[5, [2, 1, 0, 3]]
-    frame = made.frame.copy()
+    frame = made.frames.copy()
     frame[8] = 77
     frame[9] = frame[5] = 0
-    problems = dict(scene._core.detection_problems({"frame": frame, "boxes": boxes}))
+    problems = dict(scene._core.detection_problems({"frames": frame, "boxes": boxes}))
     assert sorted(problems) == [3, 5, 8]
     frames: FrameArrays = {
         "projections": made.projections * np.array([1.0, 0.0, 1.0, 1.0, 1.0, 1.0])[:, None, None],
@@ -120,25 +120,25 @@ def test_repeated_detections_are_refused_by_row(made: Arrays) -> None:
     scene = quadlift.Scene.from_arrays(projections=made.projections)
     twice = 'the object "a" is detected twice in frame'
     with pytest.raises(quadlift.QuadliftError, match=rf'^row 2: {twice} "0" \(first in row 0\)$'):
-        scene.with_detections(frame=[0, 1, 0], boxes=made.boxes[:3], object=["a", "a", "a"])
-    scene = scene.with_detections(frame=[0, 1], boxes=made.boxes[:2], object=["a", "a"])
+        scene.with_detections(frames=[0, 1, 0], boxes=made.boxes[:3], objects=["a", "a", "a"])
+    scene = scene.with_detections(frames=[0, 1], boxes=made.boxes[:2], objects=["a", "a"])
     with pytest.raises(
         quadlift.QuadliftError, match=rf'^row 1: {twice} "1" \(first by a detection that the scene has\)$'
     ):
-        scene.with_detections(frame=[2, 1], boxes=made.boxes[:2], object=["a", "a"])
+        scene.with_detections(frames=[2, 1], boxes=made.boxes[:2], objects=["a", "a"])
 
 
 def test_without_objects_they_are_found(made: Arrays) -> None:
-    estimates = quadlift.localize(**{**made.arguments(), "object": None})
+    estimates = quadlift.localize(**{**made.arguments(), "objects": None})
     assert len(estimates) == 4
     nearest = [np.linalg.norm(made_truth()[0] - c, axis=1).min() for c in estimates.centers]
     assert max(nearest) < 0.1
     # Ids that some detections have are kept.
-    partly = made.object.copy()
+    partly = made.objects.copy()
     partly[::5] = -1
-    kept = quadlift.localize(**{**made.arguments(), "object": partly})
+    kept = quadlift.localize(**{**made.arguments(), "objects": partly})
     assert sorted(kept.object_ids.tolist()) == ["0", "1", "2", "3"]
-    never = quadlift.localize(**{**made.arguments(), "object": partly}, associate="never")
+    never = quadlift.localize(**{**made.arguments(), "objects": partly}, associate="never")
     assert never.object_ids.tolist() == [0, 1, 2, 3]
     assert never.skipped["without_object"] == 5
     assert (never.object_indices[::5] == -1).all()
@@ -170,9 +170,9 @@ def test_types_and_layouts_make_no_difference(dtype: Any, index: Any, layout: st
     found = quadlift.localize(
         projections=laid_out(made.projections),
         image_sizes=laid_out(made.image_sizes),
-        frame=laid_out(made.frame.astype(index)),
+        frames=laid_out(made.frames.astype(index)),
         boxes=laid_out(boxes.astype(dtype)),
-        object=laid_out(made.object.astype(index)),
+        objects=laid_out(made.objects.astype(index)),
         method="planes",
     )
     np.testing.assert_array_equal(found.centers, expected.centers)
@@ -181,10 +181,12 @@ def test_types_and_layouts_make_no_difference(dtype: Any, index: Any, layout: st
 
 @settings(max_examples=60, deadline=None)
 @example(shape=[0, 3, 4], name="projections")
-@given(shape=st.lists(st.integers(0, 6), max_size=4), name=st.sampled_from(["boxes", "projections", "scores", "frame"]))
+@given(
+    shape=st.lists(st.integers(0, 6), max_size=4), name=st.sampled_from(["boxes", "projections", "scores", "frames"])
+)
 def test_wrong_shapes_are_named(shape: list[int], name: str) -> None:
     made = made_scene(objects=2, views=5)
-    right = {"boxes": (10, 4), "projections": (5, 3, 4), "scores": (10,), "frame": (10,)}[name]
+    right = {"boxes": (10, 4), "projections": (5, 3, 4), "scores": (10,), "frames": (10,)}[name]
     value = np.zeros(shape, dtype=np.int64)
     if tuple(shape) == right:
         return
@@ -223,8 +225,13 @@ def test_tables(made: Arrays) -> None:
     pytest.importorskip("pandas")
     pa = pytest.importorskip("pyarrow")
     # The last object has a single view, and no body.
-    keep = (made.object < 3) | (made.frame == 0)
-    arguments = {**made.arguments(), "frame": made.frame[keep], "boxes": made.boxes[keep], "object": made.object[keep]}
+    keep = (made.objects < 3) | (made.frames == 0)
+    arguments = {
+        **made.arguments(),
+        "frames": made.frames[keep],
+        "boxes": made.boxes[keep],
+        "objects": made.objects[keep],
+    }
     estimates = quadlift.localize(**arguments, categories=["cup"] * int(keep.sum()))
     assert estimates.status.tolist() == ["ok", "ok", "ok", "too_few_views"]
     frame = estimates.to_pandas()
@@ -239,8 +246,8 @@ def test_tables(made: Arrays) -> None:
 
 def test_tables_survive_parquet(made: Arrays, tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
-    one = made.frame == 0
-    arguments = {**made.arguments(), "frame": made.frame[one], "boxes": made.boxes[one], "object": made.object[one]}
+    one = made.frames == 0
+    arguments = {**made.arguments(), "frames": made.frames[one], "boxes": made.boxes[one], "objects": made.objects[one]}
     table = quadlift.localize(**arguments).to_arrow()
     assert table["center"].null_count == len(table)
     parquet.write_table(table, tmp_path / "estimates.parquet")
@@ -249,11 +256,57 @@ def test_tables_survive_parquet(made: Arrays, tmp_path: Path) -> None:
 
 def test_an_empty_list_is_no_detection(made: Arrays) -> None:
     cameras = quadlift.Scene.from_arrays(projections=made.projections)
-    assert len(cameras.with_detections(frame=[], boxes=[])) == 0
+    assert len(cameras.with_detections(frames=[], boxes=[])) == 0
     # Numbers with a point, as tables make of whole ones.
-    arguments = {**made.arguments(), "frame": made.frame * 1.0}
+    arguments = {**made.arguments(), "frames": made.frames * 1.0}
     expected = quadlift.localize(**made.arguments())
     np.testing.assert_array_equal(quadlift.localize(**arguments).centers, expected.centers)
+
+
+def test_positional_arguments(made: Arrays) -> None:
+    """Cameras, poses, boxes, frames and objects, as their names tell."""
+    intrinsics = np.array([[600.0, 0.0, 320.0], [0.0, 600.0, 240.0], [0.0, 0.0, 1.0]])
+    poses = np.linalg.inv(intrinsics) @ made.projections
+    expected = quadlift.localize(**made.arguments())
+    found = quadlift.localize(intrinsics, poses, made.boxes, made.frames, made.objects, image_sizes=(640, 480))
+    np.testing.assert_allclose(found.centers, expected.centers, atol=1e-9)
+    scene = quadlift.Scene.from_arrays(intrinsics, poses, image_sizes=(640, 480))
+    scene = scene.with_detections(made.boxes, made.frames, made.objects)
+    np.testing.assert_array_equal(scene.localize().centers, found.centers)
+
+
+def test_estimates_are_a_sequence_of_objects(made: Arrays) -> None:
+    ids = np.array(["cup", "mug", "jar", "pot"])[made.objects]
+    given = {**made.arguments(), "objects": ids, "categories": ["thing"] * len(ids)}
+    estimates = quadlift.localize(**given)
+    found = list(estimates)
+    assert [one.id for one in found] == estimates.object_ids.tolist() == ["cup", "jar", "mug", "pot"]
+    assert (len(found), estimates[0].id, estimates[-1].id, estimates[np.int64(1)].id) == (4, "cup", "pot", "jar")
+    assert [one.id for one in estimates[1:3]] == ["jar", "mug"]
+    jar = estimates["jar"]
+    assert (jar.category, jar.status, jar.ok, jar.views_used) == ("thing", "ok", True, 6)
+    np.testing.assert_array_equal(jar.center, estimates.centers[1])
+    np.testing.assert_array_equal(jar.covariance, estimates.covariances[1])
+    # Each array with a row for each object is a field of the object, in the singular.
+    others = {"object_ids": "id", "categories": "category", "body_axes": "body_axes", "alternatives": "alternatives"}
+    of_detections = {"object_indices", "inliers", "residuals", "rejected_because", "problems", "cue_scales"}
+    for name, value in vars(estimates).items():
+        if isinstance(value, list | np.ndarray) and name not in of_detections:
+            singular = others.get(name, name if hasattr(jar, name) else name.removesuffix("s"))
+            np.testing.assert_array_equal(getattr(jar, singular), value[1], err_msg=name)
+    assert repr(jar).startswith("<quadlift.Estimate 'jar' (thing): ok, center ")
+    assert "jar" in estimates
+    assert "lid" not in estimates
+    with pytest.raises(KeyError, match="there is no object 'lid'; there are 4: cup, jar, mug, pot"):
+        estimates["lid"]
+    with pytest.raises(IndexError, match="the index is 4; there are 4 objects"):
+        estimates[4]
+    wrong: Any = 0.5
+    with pytest.raises(TypeError, match=r"the index is 0\.5; expected the number of a row, the id of an object"):
+        estimates[wrong]
+    # Numbers are rows; an id that is a number is given as text.
+    numbered = quadlift.localize(**{**made.arguments(), "objects": made.objects + 10})
+    assert (numbered[0].id, numbered["13"].id, 12 in numbered) == (10, 13, True)
 
 
 def test_progress_is_told_and_other_threads_go_on(made: Arrays) -> None:
@@ -312,8 +365,8 @@ def test_the_order_of_the_detections_makes_no_difference() -> None:
     made.boxes += np.random.default_rng(1).normal(size=made.boxes.shape)
     made.boxes[5] += [150.0, 100.0, 180.0, 120.0]
     expected = quadlift.localize(**made.arguments())
-    order = np.random.default_rng(3).permutation(len(made.frame))
-    rows = {name: getattr(made, name)[order] for name in ("frame", "boxes", "object")}
+    order = np.random.default_rng(3).permutation(len(made.frames))
+    rows = {name: getattr(made, name)[order] for name in ("frames", "boxes", "objects")}
     found = quadlift.localize(**{**made.arguments(), **rows})
     np.testing.assert_array_equal(found.inliers, expected.inliers[order])
     np.testing.assert_allclose(found.residuals, expected.residuals[order], rtol=1e-3)

@@ -35,9 +35,9 @@ def map_without_first_frame() -> quadlift.Estimates:
         intrinsics=INTRINSICS,
         cam_from_world=poses[1:],
         image_sizes=(640, 480),
-        frame=np.tile(np.arange(FRAMES - 1), 6),
+        frames=np.tile(np.arange(FRAMES - 1), 6),
         boxes=boxes[:, 1:].reshape(-1, 4),
-        object=np.repeat([60, 50, 40, 30, 20, 10], FRAMES - 1),
+        objects=np.repeat([60, 50, 40, 30, 20, 10], FRAMES - 1),
         categories=np.repeat(["ball", "ball", "ball", "marble", "marble", "marble"], FRAMES - 1),
     )
 
@@ -90,7 +90,7 @@ def test_a_camera_is_found_in_an_object_map() -> None:
     assert location.ok
     assert location.objects == update.objects
     assert np.allclose(location.poses[0].cam_from_world, poses[0], atol=0.05)
-    assert object_map.frames == FRAMES - 1
+    assert object_map.frame_count == FRAMES - 1
 
 
 @pytest.mark.parametrize(

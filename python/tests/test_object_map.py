@@ -58,7 +58,7 @@ def arguments(line: Line) -> dict[str, Any]:
         "boxes": np.array([d["box"] for d in found]).reshape(-1, 4),
         "categories": [d["category"] for d in found],
         "scores": np.array([d["score"] for d in found]),
-        "object": np.array([d["object"] for d in found], dtype=object),
+        "objects": np.array([d["object"] for d in found], dtype=object),
     }
     if "projection" in line:
         return given | {"projection": line["projection"], "image_size": (line["width"], line["height"])}
@@ -159,7 +159,7 @@ def test_a_camera_with_a_name_and_a_lens(program: Program, tmp_path: Path, lines
                 "boxes": [detection["box"]],
                 "categories": ["chair"],
                 "scores": [0.9],
-                "object": [7],
+                "objects": [7],
             }
             assert made.observe(k, **given, **found).objects == theirs[k]["objects"]
         made.save(tmp_path / "ours.json")
@@ -239,7 +239,7 @@ def test_detections_of_packages(package: Any, lines: list[Line]) -> None:
     for line in [*lines[:25], lines[25] | empty, *lines[26:]]:
         given = arguments(line | {"time": line["time"]})
         update = expected.observe(line["frame"], **given)
-        cameras = {key: given[key] for key in given if key not in ("boxes", "categories", "scores", "object")}
+        cameras = {key: given[key] for key in given if key not in ("boxes", "categories", "scores", "objects")}
         assert made.observe(line["frame"], package(line), **cameras) == update
         if line["frame"] == "empty":
             break
@@ -264,7 +264,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "infinity": ({"boxes": [[0, 0, np.inf, 1]]}, 'frame "9": boxes[0, 2] is inf; expected a finite number'),
     "an empty box": ({"boxes": [[0, 0, 1, 1], [5, 0, 5, 1]]}, 'frame "9": boxes[1]: '),
     "a wrong shape": ({"boxes": [[0, 0, 1]]}, 'frame "9": boxes has the shape (1, 3); expected (M, 4)'),
-    "scores": ({"scores": [0.5, 0.5]}, 'frame "9": scores has 2 rows; expected 1, as many as boxes'),
+    "scores": ({"scores": [0.5, 0.5]}, 'frame "9": scores has the shape (2,); expected (1,), as many rows as boxes'),
     "a score": ({"scores": [np.inf]}, 'frame "9": scores[0] is inf; expected a finite number'),
     "categories": ({"categories": [0.5]}, 'frame "9": categories has the dtype float64; expected whole numbers or'),
     "no camera": (
@@ -352,7 +352,10 @@ def test_wrong_calls(lines: list[Line]) -> None:
         (lambda: made.merge(first, first), "are the same object already"),
         (lambda: made.update_poses("a", projections=[]), "frame_ids is 'a'; expected a list of frames"),
         (lambda: made.update_poses(["a"]), "expected either cam_from_world or projections; found none of them"),
-        (lambda: made.update_poses(["a"], projections=[]), "projections has 0 rows; expected 1, as many as frame_ids"),
+        (
+            lambda: made.update_poses(["a"], projections=[]),
+            "projections has the shape (0, 3, 4); expected (1, 3, 4), as many rows as frame_ids",
+        ),
         (
             lambda: made.update_poses([made.kept_frames[0]], projections=np.zeros((1, 3, 4))),
             f'frame "{made.kept_frames[0]}": ',
@@ -442,13 +445,13 @@ def test_contents(lines: list[Line], tmp_path: Path) -> None:
     made = quadlift.ObjectMap()
     assert (len(made), bool(made), len(made.objects), len(made.memory()), made.last_frame) == (0, True, 0, 0, None)
     assert repr(made) == "<quadlift.ObjectMap: 0 objects after 0 frames>"
-    assert made.to_scene().objects == 0
+    assert made.to_scene().object_count == 0
     assert "<iframe" in made._repr_html_()
     observed(lines, made)
     count = len(made)
     assert repr(made).startswith(f"<quadlift.ObjectMap: {count} objects after 40 frames>")
     assert made.last_frame == (lines[-1]["frame"], lines[-1]["time"])
-    assert made.frames == 40
+    assert made.frame_count == 40
     assert "<iframe" in made._repr_html_()
     # Computed once, until the map changes.
     estimates = made.objects
@@ -456,7 +459,7 @@ def test_contents(lines: list[Line], tmp_path: Path) -> None:
     assert estimates.ok.sum() > count / 2
     assert set(made.localize(body="cuboid").body_kinds) == {"cuboid"}
     scene = estimates.to_scene()
-    assert scene.objects == count
+    assert scene.object_count == count
     assert len(scene) > 3 * count
     scene.report(tmp_path / "map.html")
     memory = made.memory()
@@ -544,5 +547,5 @@ def test_writers_of_one_map(lines: list[Line]) -> None:
         thread.start()
     for thread in writers:
         thread.join()
-    assert made.frames == 40
+    assert made.frame_count == 40
     assert len(made) > 3

@@ -15,7 +15,7 @@ import quadlift
 from conftest import Program, read_json
 from quadlift import batches
 
-SHAPES = ("outline", "oriented_box")
+SHAPES = ("outlines", "oriented_boxes")
 
 
 class Shaped:
@@ -38,22 +38,22 @@ class Shaped:
         place = {frame["id"]: k for k, frame in enumerate(frames)}
         none = [np.nan] * 4
         self.found: dict[str, Any] = {
-            "frame": [place[d["frame"]] for d in detections],
-            "object": [d["object"] for d in detections],
+            "frames": [place[d["frame"]] for d in detections],
+            "objects": [d["object"] for d in detections],
             "boxes": [d.get("box", none) for d in detections],
-            "outline": [d.get("outline") for d in detections],
-            "oriented_box": [numbers(d.get("oriented_box")) for d in detections],
+            "outlines": [d.get("outline") for d in detections],
+            "oriented_boxes": [numbers(d.get("oriented_box")) for d in detections],
         }
 
     def table(self) -> Any:
         """The detections as in `quadlift export parquet`."""
-        turned = np.array(self.found["oriented_box"])
+        turned = np.array(self.found["oriented_boxes"])
         boxes = np.array(self.found["boxes"])
-        flat = [None if corners is None else np.ravel(corners).tolist() for corners in self.found["outline"]]
+        flat = [None if corners is None else np.ravel(corners).tolist() for corners in self.found["outlines"]]
         columns = {name: pa.array(boxes[:, k], from_pandas=True) for k, name in enumerate(("x0", "y0", "x1", "y1"))}
         for k, name in enumerate(("x", "y", "width", "height", "angle")):
             columns[f"oriented_box_{name}"] = pa.array(turned[:, k], from_pandas=True)
-        frame, object_ids = pa.array(self.found["frame"]), pa.array(self.found["object"])
+        frame, object_ids = pa.array(self.found["frames"]), pa.array(self.found["objects"])
         outline = pa.array(flat, pa.list_(pa.float64()))
         return pa.table({"frame": frame, "object": object_ids, **columns, "outline": outline})
 
@@ -157,15 +157,15 @@ def test_wrong_columns_are_named(shaped: Shaped) -> None:
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"outline": [None]}, "outline has 1 rows; expected 100, as many as frame"),
-        ({"outline": "abc"}, "outline is a str; expected a sequence of"),
-        ({"outline": [[[1.0, 2.0, 3.0]]] * 100}, r"outline\[0\] has the shape \(1, 3\)"),
-        ({"outline": [[[1.0, 2.0], [3.0, 4.0]]] * 100}, r"outline\[0\]: the outline has 2 points; expected three"),
-        ({"oriented_box": np.zeros((100, 4))}, r"oriented_box has the shape \(100, 4\)"),
-        ({"oriented_box": np.ones((99, 5))}, "oriented_box has 99 rows; expected 100"),
-        ({"oriented_box": np.zeros((100, 5))}, r"oriented_box\[0\]: the size of the turned box is 0 x 0"),
+        ({"outlines": [None]}, r"outlines has the shape \(1,\); expected \(100,\), as many rows as frames"),
+        ({"outlines": "abc"}, "outlines is a str; expected a sequence of"),
+        ({"outlines": [[[1.0, 2.0, 3.0]]] * 100}, r"outlines\[0\] has the shape \(1, 3\)"),
+        ({"outlines": [[[1.0, 2.0], [3.0, 4.0]]] * 100}, r"outlines\[0\]: the outline has 2 points; expected three"),
+        ({"oriented_boxes": np.zeros((100, 4))}, r"oriented_boxes has the shape \(100, 4\)"),
+        ({"oriented_boxes": np.ones((99, 5))}, r"oriented_boxes has the shape \(99, 5\); expected \(100, 5\)"),
+        ({"oriented_boxes": np.zeros((100, 5))}, r"oriented_boxes\[0\]: the size of the turned box is 0 x 0"),
         (
-            {"outline": [None] * 100, "oriented_box": np.full((100, 5), np.nan), "boxes": np.full((100, 4), np.nan)},
+            {"outlines": [None] * 100, "oriented_boxes": np.full((100, 5), np.nan), "boxes": np.full((100, 4), np.nan)},
             "row 0 has neither a box nor an ellipse nor an outline nor a turned box",
         ),
     ],
@@ -178,9 +178,9 @@ def test_wrong_arguments_are_named(shaped: Shaped, changed: dict[str, Any], mess
 def test_the_object_map_keeps_them(shaped: Shaped, tmp_path: Path) -> None:
     scene_map = quadlift.ObjectMap()
     for k, pose in enumerate(shaped.frames["cam_from_world"]):
-        of_frame = [row for row, frame in enumerate(shaped.found["frame"]) if frame == k]
+        of_frame = [row for row, frame in enumerate(shaped.found["frames"]) if frame == k]
         arguments: dict[str, Any] = {
-            name: [shaped.found[name][row] for row in of_frame] for name in ("boxes", *SHAPES, "object")
+            name: [shaped.found[name][row] for row in of_frame] for name in ("boxes", *SHAPES, "objects")
         }
         intrinsics, size = shaped.frames["intrinsics"], shaped.frames["image_sizes"]
         scene_map.observe(k, time=k, intrinsics=intrinsics, cam_from_world=pose, image_size=size, **arguments)
@@ -195,7 +195,7 @@ def test_the_object_map_keeps_them(shaped: Shaped, tmp_path: Path) -> None:
         time=0,
         intrinsics=shaped.frames["intrinsics"],
         cam_from_world=shaped.frames["cam_from_world"][0],
-        oriented_box=[[100.0, 80.0, 40.0, 20.0, 0.3]],
+        oriented_boxes=[[100.0, 80.0, 40.0, 20.0, 0.3]],
     )
     assert len(update.objects) == 1
 

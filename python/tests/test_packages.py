@@ -27,12 +27,12 @@ def cameras(made: Arrays) -> quadlift.Scene:
 
 
 def supervised(made: Arrays, frame: int, **more: Any) -> supervision.Detections:
-    rows = made.frame == frame
+    rows = made.frames == frame
     fields = {
         "xyxy": made.boxes[rows],
         "confidence": np.full(4, 0.5, np.float32),
         "class_id": np.array([0, 0, 1, 1]),
-        "tracker_id": made.object[rows],
+        "tracker_id": made.objects[rows],
         "data": {"class_name": np.array(["cup", "cup", "mug", "mug"])},
     }
     return supervision.Detections(**{**fields, **more})
@@ -67,7 +67,7 @@ def test_supervision_without_tracks(made: Arrays, cameras: quadlift.Scene) -> No
 
 def test_supervision_with_masks(made: Arrays, cameras: quadlift.Scene) -> None:
     masks = np.zeros((4, 480, 640), bool)
-    edges = made.boxes[made.frame == 0].round().astype(int)
+    edges = made.boxes[made.frames == 0].round().astype(int)
     for mask, (x0, y0, x1, y1) in zip(masks, edges, strict=True):
         mask[y0:y1, x0:x1] = True
     compact = CompactMask.from_dense(masks, edges.astype(float), (480, 640))
@@ -105,7 +105,7 @@ def reconstruction() -> pycolmap.Reconstruction:
 
 def test_colmap() -> None:
     made = reconstruction()
-    scene = quadlift.Scene.from_colmap(made)
+    scene = quadlift.Scene.from_cameras(made)
     document = scene.to_dict()
     assert document["cameras"][0]["model"] == "OPENCV"
     np.testing.assert_array_equal(document["cameras"][0]["params"], made.cameras[3].params)
@@ -122,8 +122,8 @@ def test_colmap_folders(tmp_path: Path) -> None:
     made = reconstruction()
     for write in (made.write_text, made.write_binary):
         write(tmp_path)
-        cameras = quadlift.Scene.from_colmap(tmp_path)
-        assert cameras.to_dict()["frames"] == quadlift.Scene.from_colmap(made).to_dict()["frames"]
+        cameras = quadlift.Scene.from_cameras(tmp_path)
+        assert cameras.to_dict()["frames"] == quadlift.Scene.from_cameras(made).to_dict()["frames"]
         for path in tmp_path.iterdir():
             path.unlink()
 
@@ -131,7 +131,7 @@ def test_colmap_folders(tmp_path: Path) -> None:
 def frame_of(made: Arrays) -> pd.DataFrame:
     """A table as people have it: numbers, texts and gaps, in any order."""
     table = pd.DataFrame(made.boxes, columns=["x0", "y0", "x1", "y1"])
-    table["frame"], table["object"], table["score"], table["label"] = made.frame, made.object, 0.5, "cup"
+    table["frame"], table["object"], table["score"], table["label"] = made.frames, made.objects, 0.5, "cup"
     return table.sample(frac=1.0, random_state=0)
 
 
@@ -147,9 +147,9 @@ def test_columns_of_pandas(made: Arrays, kind: str) -> None:
     def localized(table: pd.DataFrame) -> quadlift.Estimates:
         return quadlift.localize(
             **cameras,
-            frame=table["frame"],
+            frames=table["frame"],
             boxes=table[["x0", "y0", "x1", "y1"]],
-            object=table["object"],
+            objects=table["object"],
             scores=table["score"],
             categories=table["label"],
         )
@@ -174,9 +174,9 @@ def test_columns_of_arrow(made: Arrays) -> None:
     found = quadlift.localize(
         projections=made.projections,
         image_sizes=(640, 480),
-        frame=table["frame"],
+        frames=table["frame"],
         boxes=np.column_stack([table[name] for name in ("x0", "y0", "x1", "y1")]),
-        object=table["object"],
+        objects=table["object"],
         scores=table["score"],
         categories=table["label"],
     )

@@ -123,10 +123,10 @@ def test_scenes(name: str, program: Program, tmp_path: Path) -> None:
             frames["image_sizes"] = np.array([[c["width"], c["height"]] for c in of_frame])
     of_arrays = quadlift.localize(
         **frames,
-        frame=[frame_index[d["frame"]] for d in detections],
+        frames=[frame_index[d["frame"]] for d in detections],
         boxes=np.array([d.get("box", [np.nan] * 4) for d in detections]),
         ellipses=np.array(ellipses),
-        object=np.array([names.index(d["object"]) for d in detections]),
+        objects=np.array([names.index(d["object"]) for d in detections]),
         up=document.get("up"),
         length_unit=document.get("length_unit"),
         **keywords,
@@ -196,7 +196,7 @@ def test_options_of_association(name: str, program: Program, tmp_path: Path) -> 
     associated, _ = quadlift.Scene.read(scene).associate(**keywords)
     associated.write(tmp_path / "ours.json")
     assert (tmp_path / "ours.json").read_bytes() == (tmp_path / "theirs.json").read_bytes()
-    assert associated.objects == 0
+    assert associated.object_count == 0
 
 
 def test_evaluation(program: Program, tmp_path: Path) -> None:
@@ -250,11 +250,11 @@ def test_identities_are_scored(program: Program, tmp_path: Path) -> None:
     with pytest.raises(quadlift.QuadliftError, match=r'no object of the estimate .*match="overlap" pairs them'):
         estimates.evaluate(true, match="ids")
     with pytest.raises(quadlift.QuadliftError, match='the truth: there are no detections of the source "yolo"'):
-        estimates.with_detections(frame=[0], boxes=[[0, 0, 1, 1]], source="yolo").evaluate(true, source="yolo")
+        estimates.with_detections(frames=[0], boxes=[[0, 0, 1, 1]], source="yolo").evaluate(true, source="yolo")
     with pytest.raises(quadlift.QuadliftError, match=r"several sources \(.*\): source=\.\.\. selects"):
-        associated.with_detections(frame=[0], boxes=[[0, 0, 1, 1]], source="yolo").evaluate(true)
+        associated.with_detections(frames=[0], boxes=[[0, 0, 1, 1]], source="yolo").evaluate(true)
     # With objects to compare, that is a note.
-    both = estimates.with_detections(frame=[0], boxes=[[0, 0, 1, 1]], source="yolo").evaluate(true)
+    both = estimates.with_detections(frames=[0], boxes=[[0, 0, 1, 1]], source="yolo").evaluate(true)
     assert both.identities is None
     assert "several sources" in both.notes[0]
     assert both.objects

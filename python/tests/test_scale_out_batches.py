@@ -34,7 +34,7 @@ def of_objects(detections: pa.Table) -> pa.Table:
 def tables(made: Arrays) -> tuple[pa.Table, pa.Table]:
     """Rows of objects and cameras of a scene without a name, whose ids are numbers."""
     boxes = dict(zip(("x0", "y0", "x1", "y1"), made.boxes.T, strict=True))
-    detections = pa.table({"object": made.object, "frame": made.frame, **boxes})
+    detections = pa.table({"object": made.objects, "frame": made.frames, **boxes})
     projections = pa.array(made.projections.reshape(-1, 12).tolist())
     width, height = made.image_sizes.T
     frames = np.arange(len(projections))
@@ -140,9 +140,9 @@ def test_texts_are_in_the_order_of_texts() -> None:
     expected = quadlift.localize(
         projections=made.projections[order],
         image_sizes=made.image_sizes,
-        frame=[order.index(frame) for frame in made.frame],
+        frames=[order.index(frame) for frame in made.frames],
         boxes=made.boxes,
-        object=made.object,
+        objects=made.objects,
         **options,
     )
     np.testing.assert_array_equal(found["covariance"].to_pylist(), expected.covariances.reshape(-1, 81))

@@ -180,9 +180,9 @@ def test_other_columns(fleet: Fleet, spark: SparkSession) -> None:
     expected = quadlift.localize(
         projections=[np.reshape(cameras[k][1], (3, 4)) for k in order],
         image_sizes=[cameras[k][2:] for k in order],
-        frame=[number[row[1]] for row in rows],
+        frames=[number[row[1]] for row in rows],
         boxes=[row[2] for row in rows],
-        object=[row[0] for row in rows],
+        objects=[row[0] for row in rows],
         **GIVEN,
     )
     assert_same(found.toArrow(), expected.to_arrow().set_column(0, "object", pa.array(expected.object_ids, pa.int32())))

@@ -28,11 +28,11 @@ def cameras(made: Arrays) -> quadlift.Scene:
 
 
 def test_arrays_survive_the_file(made: Arrays, cameras: quadlift.Scene, tmp_path: Path) -> None:
-    names = np.array(["a", "b", "", "d"], dtype=object)[made.object]
+    names = np.array(["a", "b", "", "d"], dtype=object)[made.objects]
     scene = cameras.with_detections(
-        frame=made.frame,
+        frames=made.frames,
         boxes=made.boxes,
-        object=names,
+        objects=names,
         scores=np.linspace(0, 1, 24),
         categories=["cup"] * 24,
         source="y",
@@ -58,7 +58,7 @@ def test_arrays_survive_the_file(made: Arrays, cameras: quadlift.Scene, tmp_path
 
 
 def test_pages(made: Arrays, cameras: quadlift.Scene, tmp_path: Path) -> None:
-    scene = cameras.with_detections(frame=made.frame, boxes=made.boxes, object=made.object)
+    scene = cameras.with_detections(frames=made.frames, boxes=made.boxes, objects=made.objects)
     estimates = scene.localize()
     scene.report(tmp_path / "scene.html")
     estimates.report(tmp_path / "estimates.html", title="Cups <&>")
@@ -71,14 +71,14 @@ def test_pages(made: Arrays, cameras: quadlift.Scene, tmp_path: Path) -> None:
 
 
 def detections_of(made: Arrays, frame: int, **more: Any) -> Any:
-    rows = made.frame == frame
+    rows = made.frames == frame
     count = int(rows.sum())
     fields = {
         "xyxy": made.boxes[rows],
         "mask": None,
         "confidence": np.full(count, 0.5, np.float32),
         "class_id": np.zeros(count, int),
-        "tracker_id": made.object[rows],
+        "tracker_id": made.objects[rows],
         "data": {"class_name": np.array(["cup"] * count)},
     }
     return SimpleNamespace(**{**fields, **more})
@@ -102,7 +102,7 @@ def test_supervision(made: Arrays, cameras: quadlift.Scene) -> None:
     assert found[0]["mask"]["rle"] == {"size": [480, 640], "counts": [0, 480 * 640]}
     with pytest.raises(quadlift.QuadliftError, match="there are 2 detections; expected 6"):
         quadlift.Scene.from_supervision(detections[:2], cameras)
-    turned = detections_of(made, 0, xyxy=made.boxes[made.frame == 0][:, :3])
+    turned = detections_of(made, 0, xyxy=made.boxes[made.frames == 0][:, :3])
     with pytest.raises(quadlift.QuadliftError, match=r'xyxy of frame "images/000\.jpg" has the shape \(4, 3\); exp'):
         quadlift.Scene.from_supervision({cameras.frame_ids[0]: turned}, cameras)
     with pytest.raises(quadlift.QuadliftError, match='unknown frame "x"'):
@@ -117,12 +117,12 @@ def test_fiftyone(made: Arrays, cameras: quadlift.Scene) -> None:
             return getattr(self, field)
 
     def sample(frame: int, **more: Any) -> Sample:
-        rows = made.frame == frame
+        rows = made.frames == frame
         shares = made.boxes[rows] / [640, 480, 640, 480]
         shares[:, 2:] -= shares[:, :2]
         labels = [
             SimpleNamespace(label="cup", bounding_box=share.tolist(), confidence=0.5, index=int(number))
-            for share, number in zip(shares, made.object[rows], strict=True)
+            for share, number in zip(shares, made.objects[rows], strict=True)
         ]
         fields = {"filepath": f"/data/{frame:03}.jpg", "metadata": None, "yolo": SimpleNamespace(detections=labels)}
         return Sample(**{**fields, **more})
@@ -140,7 +140,7 @@ def test_fiftyone(made: Arrays, cameras: quadlift.Scene) -> None:
     assert len(empty) == 0
     half = sample(0, metadata=SimpleNamespace(width=320, height=240))
     boxes = quadlift.Scene.from_fiftyone([half], cameras, field="yolo").to_dict()["detections"]
-    np.testing.assert_allclose([d["box"] for d in boxes], made.boxes[made.frame == 0] / 2)
+    np.testing.assert_allclose([d["box"] for d in boxes], made.boxes[made.frames == 0] / 2)
     with pytest.raises(quadlift.QuadliftError, match='has no field "predictions"'):
         quadlift.Scene.from_fiftyone([sample(0)], cameras)
     with pytest.raises(quadlift.QuadliftError, match=r"expected a fiftyone\.Sample"):
@@ -192,9 +192,9 @@ def rotation_about(axis: int, angle: float) -> Any:
 
 def test_ultralytics(made: Arrays, cameras: quadlift.Scene) -> None:
     def result(frame: int, path: str) -> Any:
-        rows = made.frame == frame
+        rows = made.frames == frame
         boxes = SimpleNamespace(
-            xyxy=made.boxes[rows], conf=np.full(4, 0.9), cls=np.zeros(4), id=made.object[rows].astype(float)
+            xyxy=made.boxes[rows], conf=np.full(4, 0.9), cls=np.zeros(4), id=made.objects[rows].astype(float)
         )
         return SimpleNamespace(path=path, names={0: "cup"}, boxes=boxes)
 
@@ -206,7 +206,7 @@ def test_ultralytics(made: Arrays, cameras: quadlift.Scene) -> None:
     # A stream, and frames that are named.
     stream = quadlift.Scene.from_ultralytics((result(k, f"{k:03}.png") for k in reversed(range(6))), cameras)
     assert stream.to_dict() == scene.to_dict()
-    named = quadlift.Scene.from_ultralytics([result(0, "9.jpg")], cameras, frames=["images/003.jpg"], source="v11")
+    named = quadlift.Scene.from_ultralytics([result(0, "9.jpg")], cameras, frame_ids=["images/003.jpg"], source="v11")
     assert {(d["frame"], d["source"]) for d in named.to_dict()["detections"]} == {("images/003.jpg", "v11")}
     with pytest.raises(quadlift.QuadliftError, match=r"no single frame has the name of the image 9\.jpg"):
         quadlift.Scene.from_ultralytics([result(0, "9.jpg")], cameras)
@@ -219,7 +219,7 @@ def test_colmap_and_files_of_detectors(tmp_path: Path) -> None:
     models = list(COLMAP.rglob("cameras.txt")) + list(COLMAP.rglob("cameras.bin"))
     assert models
     model = models[0].parent
-    cameras = quadlift.Scene.from_colmap(model)
+    cameras = quadlift.Scene.from_cameras(model)
     assert cameras.frame_ids
     labels = next(COLMAP.rglob("labels"))
     scene = quadlift.Scene.from_detections(labels, cameras)
@@ -233,20 +233,19 @@ def test_colmap_and_files_of_detectors(tmp_path: Path) -> None:
                 for source in model.glob(f"{name}.*"):
                     (Path(folder) / source.name).write_bytes(source.read_bytes())
 
-    assert quadlift.Scene.from_colmap(Reconstruction()).to_dict() == cameras.to_dict()
+    assert quadlift.Scene.from_cameras(Reconstruction()).to_dict() == cameras.to_dict()
     with pytest.raises(quadlift.QuadliftError, match=r"expected a path or a pycolmap\.Reconstruction"):
-        quadlift.Scene.from_colmap(3)
+        quadlift.Scene.from_cameras(3)
     with pytest.raises(quadlift.QuadliftError, match="labels: unknown camera format"):
-        quadlift.Scene.from_colmap(labels)
+        quadlift.Scene.from_cameras(labels)
     scene.write(tmp_path / "scene.json")
-    with pytest.raises(quadlift.QuadliftError, match=r"scene\.json: this is not a COLMAP model; expected the folder"):
-        quadlift.Scene.from_colmap(tmp_path / "scene.json")
+    assert quadlift.Scene.from_cameras(tmp_path / "scene.json").object_ids == scene.object_ids
 
 
 def test_options_of_files(made: Arrays, cameras: quadlift.Scene, tmp_path: Path) -> None:
     """A table with a column of its own for the images, numbers for classes, and a name for each of them."""
     lines = ["photo,x0,y0,x1,y1,score,class"]
-    for k, (frame, (x0, y0, x1, y1)) in enumerate(zip(made.frame, made.boxes, strict=True)):
+    for k, (frame, (x0, y0, x1, y1)) in enumerate(zip(made.frames, made.boxes, strict=True)):
         lines.append(f"{frame:03}.jpg,{x0},{y0},{x1},{y1},{0.5 if k % 2 else 0.9},{k % 4}")
     path, names = tmp_path / "boxes.csv", tmp_path / "names.txt"
     path.write_text("\n".join(lines) + "\n")
@@ -269,12 +268,20 @@ def test_options_of_files(made: Arrays, cameras: quadlift.Scene, tmp_path: Path)
             quadlift.Scene.from_detections(path, cameras, **{name: value})
 
 
+def test_directions_are_axes_or_numbers(made: Arrays) -> None:
+    for text, numbers in {"z": [0, 0, 1], "-y": [0, -1, 0]}.items():
+        scene = quadlift.Scene.from_arrays(projections=made.projections, up=text)
+        assert scene.to_dict()["up"] == numbers
+        assert scene.corrected(up=text).to_dict() == scene.to_dict() == scene.corrected(up=numbers).to_dict()
+        assert quadlift.ObjectMap(up=text).to_scene().to_dict()["up"] == numbers
+
+
 def test_what_a_scene_tells(made: Arrays) -> None:
     images = [f"{k}.png" for k in range(6)]
     scene = quadlift.Scene.from_arrays(
         projections=made.projections, image_sizes=(640, 480), images=images, name="table", length_unit="m", up=(0, 0, 2)
     )
-    assert (scene.name, scene.length_unit, scene.objects, scene.object_ids) == ("table", "m", 0, [])
+    assert (scene.name, scene.length_unit, scene.object_count, scene.object_ids) == ("table", "m", 0, [])
     assert scene.frame_ids == ["0", "1", "2", "3", "4", "5"]
     assert repr(scene) == "<quadlift.Scene 'table': 6 frames, 0 detections, 0 objects>"
     document = scene.to_dict()
@@ -287,7 +294,7 @@ def test_images_that_cannot_be_logged(made: Arrays, monkeypatch: pytest.MonkeyPa
     monkeypatch.setitem(sys.modules, "rerun", MagicMock())
     images = [f"missing{k}.png" for k in range(6)]
     scene = quadlift.Scene.from_arrays(projections=made.projections, image_sizes=(640, 480), images=images)
-    scene = scene.with_detections(frame=made.frame, boxes=made.boxes, object=made.object)
+    scene = scene.with_detections(frames=made.frames, boxes=made.boxes, objects=made.objects)
     for log in (scene.to_rerun, scene.localize().to_rerun):
         with pytest.warns(UserWarning, match=r"missing\d\.png: there is no such file") as told:
             log()
@@ -298,12 +305,12 @@ def test_coco(made: Arrays, cameras: quadlift.Scene, tmp_path: Path) -> None:
     images = [{"id": k, "file_name": f"{k:03}.jpg", "width": 640, "height": 480} for k in range(6)]
     annotations = [
         {"id": k, "image_id": int(f), "category_id": 1, "bbox": [b[0], b[1], b[2] - b[0], b[3] - b[1]]}
-        for k, (f, b) in enumerate(zip(made.frame, made.boxes.tolist(), strict=True))
+        for k, (f, b) in enumerate(zip(made.frames, made.boxes.tolist(), strict=True))
     ]
     document = {"images": images, "annotations": annotations, "categories": [{"id": 1, "name": "cup"}]}
     path = tmp_path / "coco.json"
     path.write_text(json.dumps(document))
-    scene = quadlift.Scene.from_coco(path, cameras)
+    scene = quadlift.Scene.from_detections(path, cameras)
     assert len(scene) == 24
     assert len(scene.localize()) == 4
 
@@ -320,7 +327,7 @@ def test_priors(made: Arrays) -> None:
 
 def test_pickled_scenes(made: Arrays, tmp_path: Path) -> None:
     scene = quadlift.Scene.from_arrays(projections=made.projections, images=[f"{k}.png" for k in range(6)])
-    scene = scene.with_detections(frame=made.frame, boxes=made.boxes, object=made.object)
+    scene = scene.with_detections(frames=made.frames, boxes=made.boxes, objects=made.objects)
     again = pickle.loads(pickle.dumps(scene))
     assert again.to_dict() == scene.to_dict()
     estimates = scene.localize()
@@ -351,7 +358,7 @@ def test_detections_that_are_left_out_are_told_of(made: Arrays, tmp_path: Path) 
 def test_what_was_read_is_not_overwritten(made: Arrays, tmp_path: Path) -> None:
     images = [str(tmp_path / f"images/{k:03}.jpg") for k in range(6)]
     cameras = quadlift.Scene.from_arrays(projections=made.projections, image_sizes=(640, 480), images=images)
-    boxes = cameras.with_detections(frame=made.frame, boxes=made.boxes, object=made.object)
+    boxes = cameras.with_detections(frames=made.frames, boxes=made.boxes, objects=made.objects)
     boxes.write(tmp_path / "scene.json")
     photo = tmp_path / "images/001.jpg"
     photo.parent.mkdir()

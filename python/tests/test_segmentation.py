@@ -94,14 +94,14 @@ def test_wrong_arguments() -> None:
     scene = quadlift.Scene.from_arrays(projections=np.eye(3, 4)[None])
     with pytest.raises(quadlift.QuadliftError, match="the scene has no detections"):
         scene.segment()
-    boxes = scene.with_detections(frame=[0], boxes=[[0, 0, 9, 9]], source="a")
+    boxes = scene.with_detections(frames=[0], boxes=[[0, 0, 9, 9]], source="a")
     with pytest.raises(quadlift.QuadliftError, match='no frame has an "image"'):
         boxes.segment()
     with pytest.raises(quadlift.QuadliftError, match='no detection has a "mask"'):
         boxes.segment(method="masks")
     with pytest.raises(quadlift.QuadliftError, match='method is "gmm"; expected one of "graphcut", "sca", "masks"'):
         boxes.segment(method="gmm")  # type: ignore[arg-type]
-    two = boxes.with_detections(frame=[0], boxes=[[0, 0, 9, 9]], source="b")
+    two = boxes.with_detections(frames=[0], boxes=[[0, 0, 9, 9]], source="b")
     with pytest.raises(quadlift.QuadliftError, match=r"several sources \(a, b\).*\(source=\.\.\.\)"):
         two.segment()
 

@@ -1,4 +1,4 @@
-// Takes the pictures of the README and of docs/report.md of rendered scenes: `npm run screenshots` in viewer/. Look at them.
+// Takes the pictures of docs/report.md of rendered scenes: `npm run screenshots` in viewer/. Look at them.
 
 import { join } from "node:path";
 import { launch, open, project, quadlift } from "./browser.ts";
@@ -9,7 +9,6 @@ quadlift("evaluate", "-q", "estimate.json", "scene.json", "--report", "report.ht
 quadlift("demo", "-q", "--out", "demo");
 const browser = await launch();
 for (const [name, path, row, look] of [
-  ["demo", "demo/report.html", 4, { width: 1600, height: 900 }],
   ["report", "report.html", 3, { width: 1600, height: 1000 }],
   ["report-narrow", "demo/report.html", -1, { width: 390, height: 844, dark: true }],
 ] as const) {

@@ -72,9 +72,9 @@ impl CueArrays<'_> {
         let (depth, box3d) = self.records(row);
         let record = DetectionRecord { depth, box3d, ..Default::default() };
         record.cues(source_of, pose, str::to_owned).map_err(|error| {
-            // ".box3d.rotation" is box3d["rotation"] here.
+            // ".box3d.rotation" is boxes3d["rotation"] here.
             let mut fields = error.entry.split('.').filter(|field| !field.is_empty());
-            let array = fields.next().unwrap_or_default();
+            let array = if fields.next() == Some("depth") { "depths" } else { "boxes3d" };
             let place: String = fields.map(|field| format!("[\"{field}\"]")).collect();
             format!("{array}{place}[{row}]: {}", error.problem)
         })

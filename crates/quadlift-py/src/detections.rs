@@ -21,7 +21,7 @@ type Runs = ([u32; 2], Vec<u32>);
 #[pyo3(from_item_all)]
 pub struct DetectionArrays<'py> {
     /// (M,): index of the frame.
-    frame: PyReadonlyArray1<'py, i64>,
+    frames: PyReadonlyArray1<'py, i64>,
     /// (M, 4); a row of NaN is no box.
     #[pyo3(default)]
     boxes: Option<PyReadonlyArray2<'py, f64>>,
@@ -32,9 +32,9 @@ pub struct DetectionArrays<'py> {
     #[pyo3(default)]
     masks: Option<Vec<Option<Runs>>>,
     #[pyo3(default)]
-    object: Names<'py>,
+    objects: Names<'py>,
     #[pyo3(default)]
-    category: Names<'py>,
+    categories: Names<'py>,
     /// (M,); NaN for none.
     #[pyo3(default)]
     scores: Option<PyReadonlyArray1<'py, f64>>,
@@ -57,8 +57,8 @@ pub struct DetectionArrays<'py> {
 pub struct BoxArrays<'py> {
     /// (M, 4); a row of NaN is no box.
     boxes: PyReadonlyArray2<'py, f64>,
-    object: Names<'py>,
-    category: Names<'py>,
+    objects: Names<'py>,
+    categories: Names<'py>,
     /// (M,); NaN for none.
     scores: Option<PyReadonlyArray1<'py, f64>>,
     /// Outlines and turned boxes.
@@ -81,8 +81,8 @@ impl BoxArrays<'_> {
             let (depth, box3d) = self.cues.as_ref().map_or((None, None), |cues| cues.records(row));
             Ok(DetectionRecord {
                 frame: frame.into(),
-                object: self.object.of_row(row).map(Into::into),
-                category: self.category.of_row(row).map(Into::into),
+                object: self.objects.of_row(row).map(Into::into),
+                category: self.categories.of_row(row).map(Into::into),
                 score: value(&self.scores, row),
                 bounding_box: edges,
                 outline: shape.outline,
@@ -157,7 +157,7 @@ impl Originals {
 impl DetectionArrays<'_> {
     /// Adds the detections to the parts of a scene, which are checked where a scene is made of them.
     pub fn add_to(self, scene: &mut SceneParts) -> PyResult<Originals> {
-        let (first, count) = (scene.detections.len(), self.frame.as_array().len());
+        let (first, count) = (scene.detections.len(), self.frames.as_array().len());
         if u32::try_from(first + count).is_err() {
             return Err(refuse("the scene is too large: more than 4294967295 detections"));
         }
@@ -168,8 +168,8 @@ impl DetectionArrays<'_> {
                 scene.sources.len() - 1
             }) as u32
         });
-        let objects = self.object.indices(&mut scene.object_ids);
-        let categories = self.category.indices(&mut scene.categories);
+        let objects = self.objects.indices(&mut scene.object_ids);
+        let categories = self.categories.indices(&mut scene.categories);
         let hidden = self.hidden_edges.as_ref().map(|edges| edges.as_array());
         let has_lens = scene.frames.iter().any(|frame| frame.lens.is_some());
         let has_shapes = self.outlines.is_some();
@@ -212,7 +212,7 @@ impl DetectionArrays<'_> {
 
     /// All rows whose frame or measurements are wrong, and why.
     pub fn problems(&self, frames: &[Frame]) -> Vec<(usize, String)> {
-        let rows = 0..self.frame.as_array().len();
+        let rows = 0..self.frames.as_array().len();
         rows.filter_map(|row| Some((row, self.row(row, frames, |_| Ok(0)).err()?))).collect()
     }
 
@@ -223,11 +223,11 @@ impl DetectionArrays<'_> {
         frames: &[Frame],
         source_of: impl FnMut(&str) -> Result<u32, SceneError>,
     ) -> Result<Row, String> {
-        let frame = self.frame.as_array()[row];
+        let frame = self.frames.as_array()[row];
         let frame_index = u32::try_from(frame).ok().filter(|index| (*index as usize) < frames.len());
         let frame_index = frame_index.ok_or_else(|| match frames.len() {
-            0 => format!("frame[{row}] is {frame}; there are no frames"),
-            count => format!("frame[{row}] is {frame}; expected 0 to {}: there are {count} frames", count - 1),
+            0 => format!("frames[{row}] is {frame}; there are no frames"),
+            count => format!("frames[{row}] is {frame}; expected 0 to {}: there are {count} frames", count - 1),
         })?;
         let edges: Option<[f64; 4]> = values(&self.boxes, row);
         let bounding_box = edges.map(BoundingBox::new).transpose().map_err(|e| format!("boxes[{row}]: {e}"))?;
@@ -274,15 +274,15 @@ pub fn refused(error: SceneError, first: usize) -> PyErr {
 #[pyfunction]
 pub fn hidden_edges<'py>(
     py: Python<'py>,
-    frame: PyReadonlyArray1<'py, i64>,
+    frames: PyReadonlyArray1<'py, i64>,
     boxes: PyReadonlyArray2<'py, f64>,
 ) -> Bound<'py, PyArray2<bool>> {
-    let (frame, boxes) = (frame.as_array(), boxes.as_array());
+    let (frames, boxes) = (frames.as_array(), boxes.as_array());
     let place = |(row, frame): (usize, &i64)| {
         let found = BoundingBox::new(std::array::from_fn(|k| boxes[[row, k]])).ok()?;
         Some((*frame, found))
     };
-    let places: Vec<_> = frame.iter().enumerate().map(place).collect();
+    let places: Vec<_> = frames.iter().enumerate().map(place).collect();
     let edges = scene::hidden_edges(&places);
     let hidden = Array2::from_shape_fn((edges.len(), 4), |(row, k)| edges[row][k]);
     PyArray2::from_owned_array(py, hidden)

@@ -1,6 +1,6 @@
 //! A localization as the program does it, and its result: estimates as arrays, and as a scene.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -26,6 +26,7 @@ use crate::error::refuse;
 use crate::loaded::Loaded;
 use crate::locate::{LocateQuery, location};
 use crate::recording::recorded;
+use crate::render::{Drawing, render};
 use crate::run::{Ticker, on_threads};
 use crate::scene::PyScene;
 
@@ -202,6 +203,22 @@ impl PyLocalized {
         let points = &estimate.points;
         let content = Content { title, scene, images, estimate: Some(&estimate), truth, source: None, points, scores };
         on_threads(|| report(&content))?.map_err(refuse).and_then(|report| page(&report).map_err(refuse))
+    }
+
+    /// Draws a frame.
+    #[pyo3(signature = (frame, path, labels, source, truth))]
+    fn render(
+        &self,
+        py: Python,
+        frame: &str,
+        path: PathBuf,
+        labels: bool,
+        source: Option<&str>,
+        truth: Option<&PyScene>,
+    ) -> PyResult<()> {
+        let (estimate, truth) = (self.file(), truth.map(|scene| &**scene.loaded.file()));
+        let drawing = Drawing { frame, output: &path, labels, source };
+        py.detach(|| render(&self.loaded, self.scene(), (Some(&estimate), truth), &drawing))
     }
 
     /// What a recording holds, as JSON, and the indices of its frames.

@@ -51,12 +51,12 @@ impl OutlineArrays<'_> {
     pub fn of_row(&self, row: usize) -> Result<RowShape, String> {
         let outline = self.corners_of(row).filter(|corners| !corners.is_empty());
         if let Some(corners) = &outline {
-            check_outline(corners).map_err(|error| format!("outline[{row}]: {error}"))?;
+            check_outline(corners).map_err(|error| format!("outlines[{row}]: {error}"))?;
         }
         let numbers: Option<[f64; 5]> = values(&self.oriented_boxes, row);
         let turned = numbers.map(|[x, y, width, height, angle]| {
             OrientedBox::new([x, y].into(), [width, height].into(), angle)
-                .map_err(|error| format!("oriented_box[{row}]: {error}"))
+                .map_err(|error| format!("oriented_boxes[{row}]: {error}"))
         });
         let hidden = self.hidden_lines.as_ref().map(|lines| lines.as_array());
         Ok(RowShape {
@@ -80,12 +80,12 @@ impl OutlineArrays<'_> {
 #[pyfunction]
 pub fn hidden_lines<'py>(
     py: Python<'py>,
-    frame: PyReadonlyArray1<'py, i64>,
+    frames: PyReadonlyArray1<'py, i64>,
     outlines: OutlineArrays<'py>,
 ) -> Bound<'py, PyArray2<bool>> {
-    let frame = frame.as_array();
-    let corners: Vec<_> = (0..frame.len()).map(|row| outlines.corners_of(row)).collect();
-    let places: Vec<_> = frame.iter().zip(&corners).map(|(frame, found)| Some((*frame, found.as_deref()?))).collect();
+    let frames = frames.as_array();
+    let corners: Vec<_> = (0..frames.len()).map(|row| outlines.corners_of(row)).collect();
+    let places: Vec<_> = frames.iter().zip(&corners).map(|(frame, found)| Some((*frame, found.as_deref()?))).collect();
     let hidden = scene::hidden_lines(&places);
     let found = Array2::from_shape_fn((hidden.len(), SUPPORT_DIRECTIONS), |(row, k)| hidden[row][k]);
     PyArray2::from_owned_array(py, found)

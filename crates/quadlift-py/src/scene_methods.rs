@@ -14,22 +14,21 @@ use quadlift_io::association::write_objects;
 use quadlift_io::correct::assume::up as direction;
 use quadlift_io::correct::{Assumption, RecordCorrection, correct};
 use quadlift_io::diagnosis::DiagnosisRecord;
-use quadlift_io::formats::{find_cameras, find_detections};
-use quadlift_io::read::ReadOptions;
-use quadlift_io::read::detections::{AddOptions, add_detections};
 use quadlift_io::scene_file::{parse_scene_file, write_scene};
-use quadlift_io::{ReadError, read_scene_file, write_file, write_scene_file};
+use quadlift_io::{read_scene_file, write_file, write_scene_file};
 use quadlift_report::{Content, page, report};
 
 use crate::association::{AssociateKeywords, associated};
 use crate::detections::DetectionArrays;
 use crate::error::refuse;
 use crate::evaluation::{MATCHING, scores};
+use crate::formats::{self, AddKeywords, Given};
 use crate::frames::FrameArrays;
 use crate::loaded::Loaded;
 use crate::localized::{PyLocalized, localized};
 use crate::options::{LocalizeKeywords, choice};
 use crate::recording::{jpeg, recorded};
+use crate::render::{Drawing, render};
 use crate::run::{Ticker, in_background, on_threads};
 use crate::scene::PyScene;
 use crate::segmentation::SegmentKeywords;
@@ -68,26 +67,35 @@ impl PyScene {
         Self::new(frames.to_file()?, PathBuf::new())
     }
 
-    /// The cameras of the folder of a COLMAP model.
+    /// Cameras and poses in a file or folder of another program; and what was left out.
     #[staticmethod]
-    fn read_colmap(path: PathBuf) -> PyResult<Self> {
-        match find_cameras(&path).map_err(refuse)? {
-            (format, path) if format.name == "colmap" => {
-                let import = (format.read)(&path, &ReadOptions::default()).map_err(refuse)?;
-                // A name beside the images, to whose folder theirs are relative.
-                let place = import.image_folder.map_or_else(PathBuf::new, |folder| folder.join("scene.json"));
-                Self::new(import.scene, place)
-            }
-            (_, path) => Err(refuse(format!(
-                "{}: this is not a COLMAP model; expected the folder of cameras and images (.bin or .txt)",
-                path.display()
-            ))),
-        }
+    #[pyo3(signature = (path, format, images, options))]
+    fn read_cameras(
+        path: PathBuf,
+        format: Option<&str>,
+        images: Option<PathBuf>,
+        options: Given,
+    ) -> PyResult<(Self, Vec<String>)> {
+        let (loaded, lost) = formats::read_cameras(&path, format, images.as_deref(), &options)?;
+        Ok((Self { loaded: Arc::new(loaded) }, lost))
     }
 
-    /// The scene with these detections too.
-    fn with_detections(&self, detections: DetectionArrays) -> PyResult<Self> {
-        Ok(Self { loaded: Arc::new(Loaded::with_detections(&self.loaded, detections)?) })
+    /// The scene with these detections too; `orientation` is that of the pictures they were found in, as `--assume` has it.
+    #[pyo3(signature = (detections, orientation))]
+    fn with_detections(&self, detections: DetectionArrays, orientation: Option<&str>) -> PyResult<Self> {
+        let Some(orientation) = orientation else {
+            return Ok(Self { loaded: Arc::new(Loaded::with_detections(&self.loaded, detections)?) });
+        };
+        let corrections = turned_pictures(orientation)?;
+        // Only the new detections are turned.
+        let mut alone = SceneFile::clone(self.loaded.file());
+        let mut kept = std::mem::take(&mut alone.detections);
+        let alone = Arc::new(Loaded::new(alone, self.loaded.path.clone())?);
+        let mut file = SceneFile::clone(Loaded::with_detections(&alone, detections)?.file());
+        correct(&mut file, &corrections).map_err(refuse)?;
+        kept.append(&mut file.detections);
+        file.detections = kept;
+        Self::new(file, self.loaded.path.clone())
     }
 
     /// All rows whose frame or measurements `with_detections` would reject, with reasons.
@@ -95,36 +103,35 @@ impl PyScene {
         detections.problems(&self.loaded.scene.frames)
     }
 
-    /// The scene with the detections of another program's file too, whose format is recognized.
-    #[pyo3(signature = (path, *, names, frame_column, source, min_score, image_size))]
+    /// The scene with the detections of another program's file too; and what was left out.
+    #[pyo3(signature = (path, format, keywords, options, orientation))]
     fn with_detections_of(
         &self,
         path: PathBuf,
-        names: Option<PathBuf>,
-        frame_column: Option<String>,
-        source: Option<&str>,
-        min_score: Option<f64>,
-        image_size: Option<[f64; 2]>,
+        format: Option<&str>,
+        keywords: AddKeywords,
+        options: Given,
+        orientation: Option<&str>,
     ) -> PyResult<(Self, Vec<String>)> {
-        let format = find_detections(&path).map_err(refuse)?;
-        let options = ReadOptions { names, frame_column, ..ReadOptions::default() };
-        let found = (format.read)(&path, &options).map_err(refuse)?;
-        let mut file = SceneFile::clone(self.loaded.file());
-        let source = source.unwrap_or(format.name);
-        let options = AddOptions { source, min_score, image_size, ..Default::default() };
-        // The keyword has the name of the key.
-        let keyword = |error: ReadError| refuse(error.to_string().replace("--assume ", ""));
-        let added = add_detections(&mut file, found, &options).map_err(keyword)?;
-        let mut lost = Vec::new();
-        if added.in_no_frame > 0 {
-            let (images, count) = (added.images_without_frame.len(), added.in_no_frame);
-            let first = added.images_without_frame.first().map_or("", String::as_str);
-            lost.push(format!("{count} detections are skipped: {images} images have no frame, such as \"{first}\""));
-        }
-        if added.empty > 0 {
-            lost.push(format!("{} detections are skipped: their boxes have no width or no height", added.empty));
-        }
+        let corrections = orientation.map(turned_pictures).transpose()?.unwrap_or_default();
+        let file = SceneFile::clone(self.loaded.file());
+        let (file, lost) = formats::with_detections(file, &path, format, &keywords, &options, &corrections)?;
         Ok((Self::new(file, self.loaded.path.clone())?, lost))
+    }
+
+    /// Writes objects or cameras in a format of another program; what was converted, assumed and left out.
+    fn export(&self, py: Python, format: &str, path: PathBuf, options: Given) -> PyResult<Vec<String>> {
+        py.detach(|| formats::export(&self.loaded, format, &path, &options))
+    }
+
+    /// Draws a frame.
+    #[pyo3(signature = (frame, path, labels, source))]
+    fn render(&self, py: Python, frame: &str, path: PathBuf, labels: bool, source: Option<&str>) -> PyResult<()> {
+        let file = &**self.loaded.file();
+        let is_estimate = file.localization.is_some() || file.objects.iter().any(|object| object.status.is_some());
+        let objects = if is_estimate { (Some(file), None) } else { (None, Some(file)) };
+        let drawing = Drawing { frame, output: &path, labels, source };
+        py.detach(|| render(&self.loaded, &self.loaded.scene, objects, &drawing))
     }
 
     /// Writes a scene file. Paths of images and masks become absolute where the file goes to another folder.
@@ -322,7 +329,7 @@ impl PyScene {
 
     /// Number of objects in the file: true ones or estimates.
     #[getter]
-    fn objects(&self) -> usize {
+    fn object_count(&self) -> usize {
         self.loaded.file().objects.len()
     }
 }
@@ -337,6 +344,12 @@ pub fn frame_problems(frames: FrameArrays) -> Vec<(usize, String)> {
 #[pyfunction]
 pub fn write_text(path: PathBuf, text: &str) -> PyResult<()> {
     write_file(&path, |file| file.write_all(text.as_bytes())).map_err(refuse)
+}
+
+/// The correction of boxes in pictures with an EXIF orientation, such as `6` or `6-fractions`; none for 1.
+fn turned_pictures(orientation: &str) -> PyResult<Vec<RecordCorrection>> {
+    let corrections = format!("orientation={orientation}").parse().and_then(|one| Assumption::corrections(&[one]));
+    corrections.map_err(|error| refuse(format!("orientation is \"{orientation}\"; {error}")))
 }
 
 fn folder(path: &Path) -> &Path {

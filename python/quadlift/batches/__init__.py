@@ -125,8 +125,8 @@ def localize_objects(
         The order of the views does not matter: see `Cameras`.
     cameras : Cameras or pyarrow.Table, optional
         The cameras of all frames.
-    up : array_like, shape (3,), optional
-        World direction against gravity.
+    up : str or array_like, shape (3,), optional
+        World direction against gravity: an axis such as ``"-y"``, or a direction.
     length_unit : str, optional
         World unit.
     **options
@@ -308,8 +308,8 @@ def localize_scenes(
         turned boxes, depths and 3D boxes, as in `localize_objects`.
     cameras : Cameras or pyarrow.Table, optional
         The cameras of all frames, including those without detections.
-    up : array_like, shape (3,), optional
-        World direction against gravity.
+    up : str or array_like, shape (3,), optional
+        World direction against gravity: an axis such as ``"-y"``, or a direction.
     length_unit : str, optional
         World unit.
     **options

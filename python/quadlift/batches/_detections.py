@@ -64,7 +64,7 @@ class Settings:
         given = cast("_options.Options", {**of_kind, **options})
         settings = cls(
             _options.split(given, "localize")[0],
-            None if up is None else _checks.array("up", up, (3,)).tolist(),
+            _checks.optional(_checks.direction, "up", up),
             _checks.optional(_checks.text, "length_unit", length_unit),
         )
         if known == OF_OBJECTS and up is not None and _may_share_ground(options.get("priors")):
@@ -82,7 +82,7 @@ class Settings:
     def localized(self, frames: FrameArrays, detections: DetectionArrays) -> _core.Localized:
         """The result for detections in frames, both in the form of the core."""
         scene = _core.Scene.from_frames({**frames, "up": self.up, "length_unit": self.length_unit})
-        return scene.with_detections(detections).localize(self.keywords, 1, None)
+        return scene.with_detections(detections, None).localize(self.keywords, 1, None)
 
     @property
     def run(self) -> dict[str, Any]:
@@ -159,10 +159,10 @@ class Detections:
         elif outlines is not None and outlines["hidden_lines"] is None:
             outlines["hidden_lines"] = np.zeros((len(frame), 8), dtype=np.bool_)
         return {
-            "frame": frame,
+            "frames": frame,
             "boxes": np.ascontiguousarray(self.boxes),
-            "object": (None, []) if names is None else (self.row, names),
-            "category": self.category,
+            "objects": (None, []) if names is None else (self.row, names),
+            "categories": self.category,
             "scores": self.scores,
             "hidden_edges": hidden_edges,
             "outlines": outlines,

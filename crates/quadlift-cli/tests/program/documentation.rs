@@ -233,10 +233,18 @@ fn versions_and_addresses_agree() {
     let citation = std::fs::read_to_string(workspace().join("CITATION.cff")).unwrap();
     assert!(citation.contains(&format!("\nversion: {version}\n")), "CITATION.cff has not the version {version}");
     let repository = env!("CARGO_PKG_REPOSITORY");
-    for page in ["pyproject.toml", "README.md"] {
+    let recipes = [
+        ("packaging/conda/recipe.yaml", format!("\n  version: \"{version}\"\n")),
+        ("packaging/homebrew/quadlift.rb", format!("/archive/refs/tags/v{version}.tar.gz\"\n")),
+    ];
+    for (recipe, line) in recipes {
+        let text = std::fs::read_to_string(workspace().join(recipe)).unwrap();
+        assert!(text.contains(&line), "{recipe} has not the version {version}");
+    }
+    for page in ["pyproject.toml", "README.md", "packaging/conda/recipe.yaml", "packaging/homebrew/quadlift.rb"] {
         let text = std::fs::read_to_string(workspace().join(page)).unwrap();
         let addresses: Vec<&str> =
-            text.split(['"', '(', ')']).filter(|word| word.starts_with("https://github.com/")).collect();
+            text.split(['"', '(', ')', ' ', '\n']).filter(|word| word.starts_with("https://github.com/")).collect();
         let ours = |address: &&str| {
             address.strip_prefix(repository).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
         };

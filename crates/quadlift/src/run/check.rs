@@ -86,9 +86,11 @@ impl Check {
         Ok(changed)
     }
 
-    /// Takes over a later result with more information, unless the scene was inconsistent before.
+    /// Takes over a later result with more information, unless the scene was inconsistent before. One that has checked
+    /// nothing has none.
     pub(super) fn update(&mut self, diagnosis: &Diagnosis) {
-        if self.diagnosis.consistent {
+        let has_checked = diagnosis.agreement.is_some() || self.diagnosis.agreement.is_none();
+        if self.diagnosis.consistent && has_checked {
             self.diagnosis = diagnosis.clone();
         }
     }

@@ -1,0 +1,22 @@
+# Formula of the program, for a tap. `sha256` is that of the source archive of the tag; RELEASING.md says how it is set.
+# Until the first release there is neither.
+class Quadlift < Formula
+  desc "3D objects from 2D detections in posed images"
+  homepage "https://github.com/quadlift/quadlift"
+  url "https://github.com/quadlift/quadlift/archive/refs/tags/v0.1.0.tar.gz"
+  sha256 "0000000000000000000000000000000000000000000000000000000000000000"
+  license any_of: ["MIT", "Apache-2.0"]
+
+  depends_on "rust" => :build
+
+  def install
+    system "cargo", "install", *std_cargo_args(path: "crates/quadlift-cli", features: "parquet")
+    generate_completions_from_executable(bin/"quadlift", "completions")
+  end
+
+  test do
+    system bin/"quadlift", "synth", "-o", "scene.json"
+    system bin/"quadlift", "localize", "scene.json", "-o", "objects.json"
+    assert_path_exists testpath/"objects.json"
+  end
+end
