@@ -12,6 +12,7 @@ mod estimate_table;
 mod evaluation;
 mod files;
 mod help;
+mod labels;
 mod localization;
 mod next;
 mod options;

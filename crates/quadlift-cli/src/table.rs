@@ -5,7 +5,7 @@ use std::fmt::Write;
 use anstyle::Style;
 use unicode_width::UnicodeWidthStr;
 
-use crate::output::{HEADING, one_line};
+use crate::output::{DIM, HEADING, one_line};
 
 /// A cell: its text and how it is shown.
 #[derive(Debug, Clone, Default)]
@@ -29,6 +29,18 @@ impl<T: AsRef<str>> From<T> for Cell {
 
 /// Columns of the terminal; titles of tables that would be wider are broken into several lines.
 const WIDTH: usize = 100;
+
+/// Maximum number of rows of a table of objects, frames or cameras.
+pub const MOST_ROWS: usize = 40;
+
+/// The line below a table of the first [`MOST_ROWS`] of so many things, if there are more; `all` says where all are.
+pub fn rest(total: usize, things: &str, all: &str) -> String {
+    match total.saturating_sub(MOST_ROWS) {
+        0 => String::new(),
+        1 => format!("{DIM}and 1 more {things}: {all}{DIM:#}\n"),
+        more => format!("{DIM}and {more} more {things}s: {all}{DIM:#}\n"),
+    }
+}
 
 /// A table with a header; columns are as wide as their widest cell.
 #[derive(Debug, Clone)]
