@@ -14,7 +14,7 @@ use crate::error::usage;
 use crate::localization::{file_options, prior_source};
 use crate::options::{Chosen, Localize};
 
-/// Estimate 3D objects from the detections of a scene
+/// Estimate 3D objects from detections
 ///
 /// The result is a scene file: the cameras and frames of the scene, the estimated objects with status, uncertainty and
 /// residuals, and the settings. The true objects of a scene, if it has any, are neither read nor copied.
