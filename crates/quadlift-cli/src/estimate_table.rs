@@ -188,7 +188,10 @@ pub fn learned_size(found: &LearnedSizeRecord) -> String {
             "{category}: no size is learned from {objects}, worth {worth}; they are too few or too different"
         );
     };
-    let extents = |x: [f64; 3]| x.map(|x| format!("{x:.3}")).join(" x ");
+    // The longest first, as in the table.
+    let mut order = [0, 1, 2];
+    order.sort_by(|&a: &usize, &b| mean[b].total_cmp(&mean[a]));
+    let extents = |x: [f64; 3]| order.map(|axis| format!("{:.3}", x[axis])).join(" x ");
     let (mean, sd) = (extents(mean), extents(sd));
     format!("{category}: size {mean} (standard deviations {sd}), learned from {objects}, worth {worth}")
 }

@@ -69,11 +69,11 @@ struct Cli {
     command: Command,
 
     /// Print one JSON document to standard output
-    #[arg(long, global = true, help_heading = "Output")]
+    #[arg(long, global = true)]
     json: bool,
 
     /// Print details to standard error: rejected views, noise levels, times
-    #[arg(short, long, global = true, help_heading = "Output", hide_short_help = true)]
+    #[arg(short, long, global = true)]
     verbose: bool,
 
     /// Reject images and masks with more pixels before they are decoded, at most 4294967296
@@ -82,7 +82,7 @@ struct Cli {
     max_pixels: u64,
 
     /// Print errors only
-    #[arg(short, long, global = true, conflicts_with = "verbose", help_heading = "Output", hide_short_help = true)]
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
     quiet: bool,
 }
 

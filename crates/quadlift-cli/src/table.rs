@@ -193,6 +193,14 @@ mod tests {
     }
 
     #[test]
+    fn what_a_table_leaves_out_is_counted() {
+        let rest = |total| anstream::adapter::strip_str(&rest(total, "object", "--json lists all")).to_string();
+        assert_eq!([rest(0), rest(40)], ["", ""]);
+        assert_eq!(rest(41), "and 1 more object: --json lists all\n");
+        assert_eq!(rest(100), "and 60 more objects: --json lists all\n");
+    }
+
+    #[test]
     fn numbers_are_short() {
         assert_eq!(number(Some(-0.001), 2), "0.00");
         assert_eq!(number(Some(-1.25), 1), "-1.2");

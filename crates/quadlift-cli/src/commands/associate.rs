@@ -74,7 +74,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 3)]
     min_views: usize,
 
-    /// Skip detections with a lower score
+    /// Skip detections with a lower score, such as 0.5
     #[arg(long, value_name = "S", value_parser = args::finite)]
     min_score: Option<f64>,
 

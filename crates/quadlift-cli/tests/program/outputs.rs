@@ -195,6 +195,23 @@ fn a_reader_that_has_seen_enough_is_no_error() {
     }
 }
 
+/// `script` of util-linux makes a terminal.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_stream_is_text_on_a_terminal() {
+    let folder = with_result();
+    let printed = |options: &str| {
+        let command = format!("{} stream scene.json {options}", env!("CARGO_BIN_EXE_quadlift"));
+        let mut script = Command::new("script");
+        let script = script.args(["-qec", &command, "/dev/null"]).current_dir(folder.path("")).stdin(Stdio::null());
+        String::from_utf8(script.output().unwrap().stdout).unwrap()
+    };
+    let text = printed("");
+    assert!(text.contains("frame 000003: ") && text.contains("; confirmed object_") && !text.contains('{'), "{text}");
+    assert!(printed("--json").contains(r#"{"frame":"000003""#), "{}", printed("--json"));
+    assert!(folder.succeed("stream scene.json").contains(r#"{"frame":"000003""#));
+}
+
 #[test]
 fn a_scene_is_read_from_the_standard_input() {
     let folder = with_result();

@@ -42,7 +42,7 @@ Exit codes: 0 success; 1 a scene failed, or none of its objects could be localiz
 inconsistent (poses, cameras and boxes do not fit together), and --accept-inconsistent is not given."
 )]
 pub struct Args {
-    /// Scene files, folders that hold them, patterns in quotes, or logs in MCAP
+    /// Scene files, folders that hold them, patterns in quotes, or logs in MCAP; - is the standard input
     #[arg(required_unless_present = "cameras", conflicts_with = "cameras", value_name = "SCENE.json")]
     pub(super) scenes: Vec<PathBuf>,
 
