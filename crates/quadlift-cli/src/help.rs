@@ -372,6 +372,24 @@ mod tests {
     }
 
     #[test]
+    fn every_text_is_of_an_argument_and_every_heading_has_its_place() {
+        let all = commands();
+        let has = |text: &Text| {
+            let mut of_command =
+                all.iter().filter(|(name, _)| name.split(' ').nth(1).unwrap_or_default().contains(text.command));
+            of_command.any(|(_, command)| command.get_arguments().any(|arg| arg.get_id() == text.id))
+        };
+        for text in TEXTS {
+            assert!(has(text), "{} {}", text.command, text.id);
+        }
+        for (name, command) in &all {
+            for heading in command.get_arguments().filter_map(Arg::get_help_heading) {
+                assert!(HEADINGS.contains(&heading), "{name}: {heading}");
+            }
+        }
+    }
+
+    #[test]
     fn placeholders_say_what_goes_there() {
         for (name, command) in commands() {
             for arg in command.get_arguments().filter(|arg| arg.get_action().takes_values()) {

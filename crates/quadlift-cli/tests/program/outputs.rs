@@ -146,7 +146,9 @@ fn image_paths_lead_to_the_images_from_wherever_the_result_is() {
         ("calibrate in/hall.json -o", "in/images"),
         ("align in/desk/estimate.json in/desk/estimate.json -o", "in/desk/images"),
     ] {
-        for to in ["far/away/result.json", "in/result.json", "result.json"] {
+        // Aligning takes long.
+        let targets = ["far/away/result.json", "in/result.json", "result.json"];
+        for to in &targets[..if command.starts_with("align") { 1 } else { 3 }] {
             let run = folder.run(&format!("{command} {to}"));
             assert!(folder.path(to).exists(), "{command} {to}: {}", run.stderr);
             let result = folder.json(to);
