@@ -97,7 +97,7 @@ pub fn render_found(found: &FoundScore) -> String {
 pub fn why_no_identities(outcome: &DivisionOutcome) -> Option<String> {
     match outcome {
         DivisionOutcome::Absent | DivisionOutcome::Scored(_) => None,
-        DivisionOutcome::SeveralSources(why) => Some(format!("{why}: --source NAME selects the detections to score")),
+        DivisionOutcome::SeveralSources(why) => Some(format!("{why}: --source SOURCE selects the detections to score")),
         DivisionOutcome::NoneCommon(why) => Some(why.clone()),
     }
 }

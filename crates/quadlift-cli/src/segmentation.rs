@@ -31,7 +31,7 @@ pub fn segment_scene(
     });
     drop(progress);
     match result {
-        Err(SegmentSceneError::Source(error @ SourceError::Several(_))) => bail!("{error} (--source NAME)"),
+        Err(SegmentSceneError::Source(error @ SourceError::Several(_))) => bail!("{error} (--source SOURCE)"),
         result => Ok(result?),
     }
 }

@@ -151,7 +151,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let unit = if builtin { Some("m".to_owned()) } else { file.length_unit.clone() };
     let options = RigOptions { sizes, upright: args.upright.clone(), still: args.still.clone() };
     let rig = match scene.rig(args.source.as_deref(), args.min_score, &options) {
-        Err(error @ SourceError::Several(_)) => bail!("{}: {error} (--source NAME)", args.scene.display()),
+        Err(error @ SourceError::Several(_)) => bail!("{}: {error} (--source SOURCE)", args.scene.display()),
         found => found.with_context(|| args.scene.display().to_string())?,
     };
     warn_of_categories(args, &scene, out);

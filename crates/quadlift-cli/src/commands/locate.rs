@@ -128,7 +128,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     check_not_read(&args.output)?;
     let scene = file.to_queries(args.all).map_err(|error| error.in_file(&args.query))?;
     let frames = match scene.queries(args.source.as_deref(), args.min_score) {
-        Err(error @ SourceError::Several(_)) => bail!("{}: {error} (--source NAME)", args.query.display()),
+        Err(error @ SourceError::Several(_)) => bail!("{}: {error} (--source SOURCE)", args.query.display()),
         found => found.with_context(|| args.query.display().to_string())?,
     };
     if frames.is_empty() {
