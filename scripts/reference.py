@@ -13,8 +13,11 @@ def text_of(program: str, *words: str) -> str:
 
 def commands_of(text: str) -> list[str]:
     """The names of the commands that a help lists."""
-    listed = re.search(r"^Commands:\n((?:  .*\n)+)", text, re.MULTILINE)
-    names = re.findall(r"^  ([a-z][\w-]*)", listed.group(1), re.MULTILINE) if listed else []
+    if "<COMMAND>" not in text:
+        return []
+    # Under headings, before the options.
+    listed = text.split("\nOptions:\n")[0]
+    names = re.findall(r"^  ([a-z][\w-]*)  ", listed, re.MULTILINE)
     return [name for name in names if name != "help"]
 
 

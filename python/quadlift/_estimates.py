@@ -442,8 +442,8 @@ class Evaluation:
     ----------
     objects : list of dict
         For each true object: `id`, `estimate`, `status`, `has_body`, and the scores `iou3d`, `iou3d_enclosing`,
-        `cuboid_iou3d`, `cuboid_iou3d_enclosing`, `theta_err`, `rotation_error`, `center_error`, `size_error`,
-        `ellipse_reprojection_iou`, `box_reprojection_iou`; None if there is nothing to compare.
+        `cuboid_iou3d`, `cuboid_iou3d_enclosing`, `axis_error`, `theta_err`, `rotation_error`, `center_error`,
+        `size_error`, `ellipse_reprojection_iou`, `box_reprojection_iou`; None if there is nothing to compare.
     mean : dict
         Means of these scores over the objects that have them; empty if only the association is scored.
     failures : int

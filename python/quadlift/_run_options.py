@@ -45,7 +45,7 @@ class RunOptions(TypedDict, total=False):
     ground_plane: bool
     """All objects stand on a common ground plane, which is estimated (the scene needs `up`)."""
     camera_height: float | None
-    """Height of the cameras above the ground plane in world units, if known."""
+    """Height of the cameras above the ground plane in world units, if known, such as 1.5."""
     refine_poses: Literal["auto", "independent", "slow"] | None
     """Correct the poses together with the objects. Errors of frames are independent, or slow (GPS, drifting
     odometry); auto decides by the boxes. Results have the corrected poses."""
@@ -53,7 +53,8 @@ class RunOptions(TypedDict, total=False):
     """Take the places of cameras in their rig as exact: refined poses are those of the rig alone (frames with the
     same `rig_frame` are taken by one rig)."""
     pose_noise: tuple[float, float] | None
-    """Correct the poses: standard deviations of the rotation (radians) and shift (world units) of each frame."""
+    """Correct the poses: standard deviations of the rotation (radians) and shift (world units) of each frame, such
+    as 0.01,0.05."""
     sigmas: Mapping[str, float] | None
     """Use given noise levels instead of estimating them, by name (edge_relative=0.03,edge_px=2), or those of an
     earlier result. Objects are then estimated independently of each other."""

@@ -1,14 +1,22 @@
 //! Association in words: what `associate` and `localize` share.
 
 use quadlift::association::{Association, IdUse};
+use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
 use quadlift_io::association::skipped_in_words;
 
+use crate::labels::Labels;
 use crate::output::one_line;
 use crate::words::{count, some_of};
 
-/// The message of `localize` about an association of the detections of a file.
-pub fn localize_in_words(file: &SceneFile, source: Option<&str>, ids: IdUse, association: &Association) -> String {
+/// The message of `localize` about an association of the detections of a file, whose scene has the objects.
+pub fn localize_in_words(
+    file: &SceneFile,
+    scene: &Scene,
+    source: Option<&str>,
+    ids: IdUse,
+    association: &Association,
+) -> String {
     let used = || file.detections.iter().filter(|d| source.is_none() || d.source.as_deref() == source);
     let unnamed = used().filter(|d| d.object.is_none()).count();
     let given = match ids {
@@ -19,13 +27,20 @@ pub fn localize_in_words(file: &SceneFile, source: Option<&str>, ids: IdUse, ass
         IdUse::Evidence => "existing ids are used as evidence".to_owned(),
         IdUse::Ignore => "existing ids are ignored".to_owned(),
     };
+    let labels = labels(scene, association);
     let doubtful: Vec<&str> =
-        association.objects.iter().filter(|o| o.doubtful.is_some()).map(|o| o.id.as_str()).collect();
+        association.objects.iter().filter(|o| o.doubtful.is_some()).map(|o| labels.of(&o.id)).collect();
     let mut text = format!("detections were associated ({given}): {}", in_words(association));
     if !doubtful.is_empty() {
         text.push_str(&format!("\ndoubtful: {}", one_line(&some_of(&doubtful))));
     }
     text
+}
+
+/// The labels of the objects of an association in a scene.
+pub fn labels(scene: &Scene, association: &Association) -> Labels {
+    let category = |index: Option<u32>| index.map(|index| scene.categories[index as usize].as_str());
+    Labels::new(association.objects.iter().map(|object| (object.id.as_str(), category(object.category_index))))
 }
 
 /// The result, in one sentence.

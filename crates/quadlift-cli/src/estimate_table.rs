@@ -12,12 +12,10 @@ use quadlift_io::run::{CueScaleRecord, FileOptions, LearnedSizeRecord, PosePoint
 use quadlift_io::scene_file::{CrossValidationRecord, cross_validation_of_object};
 use serde::Serialize;
 
+use crate::labels::Labels;
 use crate::output::{BAD, DIM, GOOD, WARNING, one_line};
-use crate::table::{Cell, Table, decimals, number};
+use crate::table::{Cell, MOST_ROWS, Table, decimals, number, rest};
 use crate::words::{count, some_of, with_unit};
-
-/// Maximum number of rows of the table: a million objects would take a gigabyte.
-const MOST_ROWS: usize = 10_000;
 
 /// The main figures of an estimate.
 #[derive(Debug, Serialize)]
@@ -69,13 +67,11 @@ fn full_lengths(body: &Body) -> [f64; 3] {
 /// The table and its notes.
 pub fn render(scene: &Scene, localization: &Localization, options: &FileOptions) -> String {
     let rows = summaries(scene, localization);
+    let labels = Labels::new(rows.iter().map(|row| (row.id, row.category)));
     let shown = &rows[..rows.len().min(MOST_ROWS)];
-    let mut text = table(scene, shown, localization.cross_validation.extent == Extent::All);
-    if rows.len() > shown.len() {
-        let more = rows.len() - shown.len();
-        let _ = writeln!(text, "{DIM}and {more} more objects; the result (-o) and --json list all{DIM:#}");
-    }
-    for note in notes(&rows, localization, options) {
+    let mut text = table(scene, shown, &labels, localization.cross_validation.extent == Extent::All);
+    text.push_str(&rest(rows.len(), "object", "the result (-o) and --json list all"));
+    for note in notes(&rows, &labels, localization, options) {
         let _ = writeln!(text, "{WARNING}note:{WARNING:#} {}", one_line(&note));
     }
     let without = options.categories_without_prior(scene);
@@ -189,12 +185,15 @@ pub fn learned_size(found: &LearnedSizeRecord) -> String {
     let worth = format!("{well_determined:.1} well-determined ones");
     let Some((mean, sd)) = found.size.zip(found.size_sd) else {
         return format!(
-            "{category}: no size is learnt from {objects}, worth {worth}; they are too few or too different"
+            "{category}: no size is learned from {objects}, worth {worth}; they are too few or too different"
         );
     };
-    let extents = |x: [f64; 3]| x.map(|x| format!("{x:.3}")).join(" x ");
+    // The longest first, as in the table.
+    let mut order = [0, 1, 2];
+    order.sort_by(|&a: &usize, &b| mean[b].total_cmp(&mean[a]));
+    let extents = |x: [f64; 3]| order.map(|axis| format!("{:.3}", x[axis])).join(" x ");
     let (mean, sd) = (extents(mean), extents(sd));
-    format!("{category}: size {mean} (standard deviations {sd}), learnt from {objects}, worth {worth}")
+    format!("{category}: size {mean} (standard deviations {sd}), learned from {objects}, worth {worth}")
 }
 
 /// The points from which poses were corrected beside the objects, in one line.
@@ -211,7 +210,7 @@ pub fn pose_points(found: &PosePointsRecord) -> String {
     )
 }
 
-fn table(scene: &Scene, rows: &[Summary], cross_validated: bool) -> String {
+fn table(scene: &Scene, rows: &[Summary], labels: &Labels, cross_validated: bool) -> String {
     // Lengths get as many decimals as three digits of the typical object need.
     let mut lengths: Vec<f64> = rows.iter().filter_map(|row| row.size).map(|size| size[1]).collect();
     lengths.sort_by(f64::total_cmp);
@@ -237,8 +236,8 @@ fn table(scene: &Scene, rows: &[Summary], cross_validated: bool) -> String {
         let coordinate = |axis: usize| number(row.center.map(|center| center[axis]), places).into();
         let size = row.size.map_or("-".to_owned(), |s| s.map(|x| number(Some(x), places)).join(" x "));
         let mut cells = vec![
-            row.id.into(),
-            row.category.unwrap_or_default().into(),
+            labels.of(row.id).into(),
+            labels.category(row.id, row.category).into(),
             Cell::styled(row.status, status_style(row.status)),
             format!("{}/{}", row.views_used, row.views).into(),
             coordinate(0),
@@ -266,8 +265,8 @@ fn status_style(status: &str) -> Style {
     }
 }
 
-/// Notes about the objects, each with the ids of the affected ones.
-fn notes(rows: &[Summary], localization: &Localization, options: &FileOptions) -> Vec<String> {
+/// Notes about the objects, each with the labels of the affected ones.
+fn notes(rows: &[Summary], labels: &Labels, localization: &Localization, options: &FileOptions) -> Vec<String> {
     let mut notes: Vec<(String, Vec<&str>)> = Vec::new();
     for (row, estimate) in rows.iter().zip(&localization.estimates) {
         let odd = row.cross_validation.as_ref().and_then(|checked| checked.odd_view.as_deref());
@@ -275,12 +274,12 @@ fn notes(rows: &[Summary], localization: &Localization, options: &FileOptions) -
         let reason = reason(estimate.status, &options.run.localize.method, options.run.localize.min_views);
         for text in reason.into_iter().chain(row.warnings.iter().cloned()).chain(odd) {
             match notes.iter_mut().find(|(known, _)| *known == text) {
-                Some((_, ids)) => ids.push(row.id),
-                None => notes.push((text, vec![row.id])),
+                Some((_, names)) => names.push(labels.of(row.id)),
+                None => notes.push((text, vec![labels.of(row.id)])),
             }
         }
     }
-    notes.into_iter().map(|(text, ids)| format!("{}: {text}", some_of(&ids))).collect()
+    notes.into_iter().map(|(text, names)| format!("{}: {text}", some_of(&names))).collect()
 }
 
 /// Why an object is not localized.
@@ -306,7 +305,7 @@ mod tests {
     use quadlift::scene::SceneParts;
 
     #[test]
-    fn a_table_has_ten_thousand_rows_at_most() {
+    fn a_table_has_forty_rows_at_most() {
         let count = MOST_ROWS + 7;
         let object_ids = (0..count).map(|k| format!("thing{k}")).collect();
         let scene = Scene::from_parts(SceneParts { object_ids, ..Default::default() }).unwrap();
@@ -315,6 +314,6 @@ mod tests {
         let text = render(&scene, &localization, &FileOptions::default());
         let is_row = |line: &&str| line.starts_with("thing");
         assert_eq!(text.lines().filter(is_row).count(), MOST_ROWS);
-        assert!(text.contains("and 7 more objects; the result (-o) and --json list all"), "{text}");
+        assert!(text.contains("and 7 more objects: the result (-o) and --json list all"), "{text}");
     }
 }

@@ -7,8 +7,9 @@ use quadlift::solve::Status;
 use quadlift_io::evaluation::identities::{Division, DivisionOutcome};
 use quadlift_io::evaluation::{COLUMNS, Column, LEAST_IOU, Matching, Unit, failures_in_words};
 
+use crate::labels::Labels;
 use crate::output::{BAD, GOOD, HEADING, WARNING, one_line};
-use crate::table::{Cell, Table, decimals, number};
+use crate::table::{Cell, MOST_ROWS, Table, decimals, number, rest};
 use crate::words::{count, some_of, with_unit};
 
 /// How estimates and true objects are paired, as on the command line.
@@ -33,8 +34,8 @@ impl From<Match> for Matching {
     }
 }
 
-/// The scores for people; columns that no object has are left out.
-pub fn render(evaluation: &Evaluation, length_unit: Option<&str>) -> String {
+/// The scores for people, with the labels of estimates and true objects; columns that no object has are left out.
+pub fn render(evaluation: &Evaluation, [estimates, truth]: [&Labels; 2], length_unit: Option<&str>) -> String {
     let columns: Vec<&Column> =
         COLUMNS.iter().filter(|c| evaluation.objects.iter().any(|o| (c.of)(o).is_some())).collect();
     let by_overlap = evaluation.paired_by == PairedBy::Overlap;
@@ -51,7 +52,7 @@ pub fn render(evaluation: &Evaluation, length_unit: Option<&str>) -> String {
         Unit::Degrees => number(value.map(f64::to_degrees), 1),
         Unit::Length => number(value, decimals(error, 3)),
     };
-    for object in &evaluation.objects {
+    for object in evaluation.objects.iter().take(MOST_ROWS) {
         let status = match object.status.as_deref() {
             None => Cell::styled("missing", BAD),
             Some(status) if object.has_body && status != Status::Inconsistent.name() => Cell::styled(status, GOOD),
@@ -60,21 +61,22 @@ pub fn render(evaluation: &Evaluation, length_unit: Option<&str>) -> String {
         let scores = columns.iter().map(|column| show(column, (column.of)(object)).into());
         // Where ids pair them it is the same one.
         let estimate = object.estimate.as_deref().filter(|_| by_overlap).unwrap_or_default();
-        table.push([object.id.as_str().into(), estimate.into(), status].into_iter().chain(scores).collect());
+        let names = [truth.of(&object.id).into(), estimates.of(estimate).into(), status];
+        table.push(names.into_iter().chain(scores).collect());
     }
     let means = columns
         .iter()
         .map(|column| Cell::styled(show(column, (column.mean)(&evaluation.mean).map(|mean| mean.value)), HEADING));
     let mean = [Cell::styled("mean", HEADING), Cell::default(), Cell::default()];
     table.push(mean.into_iter().chain(means).collect());
-    let mut text = table.render();
+    let mut text = table.render() + &rest(evaluation.objects.len(), "object", "--json lists all");
     let _ = writeln!(text, "{}", failures_in_words(evaluation));
     if !evaluation.unmatched.is_empty() {
         let _ = writeln!(
             text,
             "{WARNING}note:{WARNING:#} estimates {}: {}",
             if by_overlap { "not paired with any true object" } else { "whose id no true object has" },
-            one_line(&some_of(&evaluation.unmatched))
+            one_line(&some_of(&estimates.of_all(&evaluation.unmatched)))
         );
     }
     text
@@ -87,7 +89,7 @@ pub fn render_found(found: &FoundScore) -> String {
         found.matched,
         count(found.true_objects, "true object"),
         found.matched,
-        count(found.found, "estimate"),
+        count(found.found, "ok estimate"),
     )
 }
 
@@ -95,7 +97,7 @@ pub fn render_found(found: &FoundScore) -> String {
 pub fn why_no_identities(outcome: &DivisionOutcome) -> Option<String> {
     match outcome {
         DivisionOutcome::Absent | DivisionOutcome::Scored(_) => None,
-        DivisionOutcome::SeveralSources(why) => Some(format!("{why}: --source NAME selects the detections to score")),
+        DivisionOutcome::SeveralSources(why) => Some(format!("{why}: --source SOURCE selects the detections to score")),
         DivisionOutcome::NoneCommon(why) => Some(why.clone()),
     }
 }

@@ -224,6 +224,14 @@ fn check_parent(path: &Path) -> anyhow::Result<()> {
     }
 }
 
+/// Moves the paths of images, depth images, point clouds and masks of a file that was read from one path and is written to
+/// another one.
+pub fn move_paths(file: &mut SceneFile, from: &Path, to: &Path) -> anyhow::Result<()> {
+    let folder = |path: &Path| path.parent().map(Path::to_owned).unwrap_or_default();
+    let folders = [folder(from), if is_standard_output(to) { PathBuf::new() } else { folder(to) }];
+    Ok(file.move_paths([&folders[0], &folders[1]])?)
+}
+
 /// Refuses an output that is the scene itself.
 pub fn refuse_to_overwrite(input: &Path, output: &Path) -> anyhow::Result<()> {
     if is_same_file(input, output) {

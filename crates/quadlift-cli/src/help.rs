@@ -1,25 +1,30 @@
-//! Layout of `-h` and `--help`: lines of at most 100 columns; the short help of `localize` has only the most important
-//! options, the long help groups them.
+//! Layout of `-h` and `--help`: commands and options grouped under headings, lines of at most 100 columns. `-h` has short
+//! texts, and for `localize` only the usual options; `--help` has long ones.
 
-use clap::{Arg, Command};
+mod texts;
+
+use clap::{Arg, ArgAction, Command};
+use quadlift_io::formats;
+
+use anstyle::Style;
+use texts::{HEADINGS, HIDDEN, TEXTS, Text, USUAL};
 
 /// Columns of a line.
 const WIDTH: usize = 100;
+/// Style of headings, as clap's.
+const HEADING: Style = Style::new().bold().underline();
+/// Style of the names of commands, as clap's.
+const LITERAL: Style = Style::new().bold();
 /// Minimum width of a help text beside an option; otherwise it is printed below the option.
 const LEAST: usize = 46;
 
-/// Options in the short help of `localize`, with shorter texts.
-const SHORT: [(&str, &str); 10] = [
-    ("scenes", "Scene files, folders that hold them, or patterns in quotes"),
-    ("output", "Output file"),
-    ("report", "Write a report, an HTML page"),
-    ("cameras", "Cameras of another program (COLMAP, nerfstudio, KITTI, ...)"),
-    ("detections", "Detections of another program (YOLO, COCO, CSV, ...)"),
-    ("source", "Use only the detections of this source"),
-    ("body", "ellipsoid, cuboid, cylinder, superellipsoid:Q or auto"),
-    ("associate", "Associate detections first: auto (if any lack an id), never or always"),
-    ("priors", "Typical sizes of categories"),
-    ("fix", "Apply the corrections that the self-check proposes"),
+/// The commands under their headings.
+const COMMANDS: [(&str, &[&str]); 5] = [
+    ("Estimate", &["localize", "associate", "segment", "stream"]),
+    ("Cameras and maps", &["locate", "align", "calibrate"]),
+    ("Convert", &["import", "export"]),
+    ("Inspect", &["info", "evaluate", "view", "render"]),
+    ("Start", &["demo", "synth", "completions", "help"]),
 ];
 
 /// The end of the short help of `localize`.
@@ -28,32 +33,124 @@ Examples:
   quadlift localize scene.json -o objects.json --report objects.html
   quadlift localize --cameras sparse/0 --detections runs/detect/predict -o objects.json
 
-quadlift localize --help explains all options and exit codes.";
-
-/// Groups of options of `localize` that are not declared in tables, which have groups of their own.
-const GROUPS: [(&str, &[&str]); 2] = [("Quality of the result", &["calibration"]), ("Running", &["detail", "threads"])];
+quadlift localize --help explains these and further options, and exit codes.";
 
 /// The command line with its help arranged.
 pub fn arrange(command: Command) -> Command {
+    wrapped(grouped(command))
+}
+
+/// The command line with options and commands under headings, and short and long texts.
+pub fn grouped(command: Command) -> Command {
+    let names: Vec<String> = command.get_subcommands().map(|command| command.get_name().to_owned()).collect();
+    let command = names.iter().fold(with_texts(command, ""), |command, name| {
+        command.mut_subcommand(name, |sub| {
+            let formats: Vec<String> = sub.get_subcommands().map(|format| format.get_name().to_owned()).collect();
+            let sub = formats.iter().fold(with_texts(sub, name), |sub, format| {
+                sub.mut_subcommand(format, |format| with_texts(format, name))
+            });
+            if formats.is_empty() { sub } else { with_listed_commands(sub, &groups_of_formats(name)) }
+        })
+    });
     let command = command.mut_subcommand("localize", |localize| {
-        let localize = GROUPS.iter().fold(localize, |command, (heading, names)| {
-            names.iter().fold(command, |command, name| command.mut_arg(name, |arg| arg.help_heading(*heading)))
-        });
-        let ids = localize.get_arguments().map(|arg| arg.get_id().to_string()).collect::<Vec<_>>();
-        let localize = ids.iter().filter(|id| *id != "help").fold(localize, |command, id| {
-            let short = SHORT.iter().find(|(name, _)| name == id);
-            command.mut_arg(id, |arg| {
-                let long = arg.get_long_help().or(arg.get_help()).map(ToString::to_string).unwrap_or_default();
-                match short {
-                    Some((_, text)) => arg.long_help(long).help(*text),
-                    None => arg.hide_short_help(true),
-                }
+        let ids: Vec<String> = localize.get_arguments().map(|arg| arg.get_id().to_string()).collect();
+        let localize = ids.iter().fold(localize, |localize, id| {
+            localize.mut_arg(id, |arg| {
+                let is_usual = ["help"].iter().chain(&USUAL).any(|usual| usual == id);
+                arg.hide_short_help(!is_usual).hide(HIDDEN.contains(&&**id))
             })
         });
         let after = localize.get_after_help().map(ToString::to_string).unwrap_or_default();
         localize.after_long_help(after).after_help(AFTER_SHORT)
     });
-    wrapped(command)
+    let groups = COMMANDS.map(|(heading, names)| (heading, names.iter().map(|name| (*name).to_owned()).collect()));
+    with_listed_commands(command, &groups)
+}
+
+/// The formats of `import` or `export` under their headings.
+fn groups_of_formats(command: &str) -> Vec<(&'static str, Vec<String>)> {
+    let detections: Vec<String> = formats::detections().map(|format| format.name.to_owned()).collect();
+    let poses: Vec<String> = formats::poses().map(|format| format.name.to_owned()).collect();
+    match command {
+        "import" => vec![("Cameras and poses", poses), ("Detections", detections)],
+        _ => Vec::new(),
+    }
+}
+
+/// The command whose help lists its commands under headings; what is in no group comes last, as "Formats".
+fn with_listed_commands(command: Command, groups: &[(&'static str, Vec<String>)]) -> Command {
+    let mut about: Vec<(String, String)> = command
+        .get_subcommands()
+        .filter(|sub| !sub.is_hide_set())
+        .map(|sub| (sub.get_name().to_owned(), sub.get_about().map(ToString::to_string).unwrap_or_default()))
+        .collect();
+    if groups.iter().any(|(_, names)| names.iter().any(|name| name == "help")) {
+        about.push(("help".to_owned(), "Print the help of a command".to_owned()));
+    }
+    let column = about.iter().map(|(name, _)| name.len()).max().unwrap_or(0) + 2;
+    let mut text = String::new();
+    let mut list = |heading: &str, rows: &[&(String, String)]| {
+        if rows.is_empty() {
+            return;
+        }
+        text.push_str(&format!("{HEADING}{heading}:{HEADING:#}\n"));
+        for (name, about) in rows {
+            let about = fill(about, WIDTH - column - 2).replace('\n', &format!("\n{}", " ".repeat(column + 2)));
+            text.push_str(&format!("  {LITERAL}{name}{LITERAL:#}{}{about}\n", " ".repeat(column - name.len())));
+        }
+        text.push('\n');
+    };
+    for (heading, names) in groups {
+        let rows: Vec<_> = names.iter().filter_map(|name| about.iter().find(|(known, _)| known == name)).collect();
+        list(heading, &rows);
+    }
+    let is_listed = |name: &String| groups.iter().any(|(_, names)| names.contains(name));
+    let others: Vec<_> = about.iter().filter(|(name, _)| !is_listed(name)).collect();
+    list("Formats", &others);
+    command.help_template(format!("{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{text}{HEADING}Options:{HEADING:#}\n{{options}}{{after-help}}"))
+}
+
+/// A command, below the one with this name, with the texts of its options under headings.
+fn with_texts(command: Command, name: &str) -> Command {
+    // The text of the command, or that of all.
+    let text_of = |arg: &Arg| {
+        let of = |command: &str| TEXTS.iter().find(|text| text.command == command && arg.get_id() == text.id);
+        of(name).or(of(""))
+    };
+    let rank = |arg: &Arg| HEADINGS.iter().position(|heading| Some(*heading) == heading_of(arg, text_of(arg)));
+    let mut ids: Vec<(Option<usize>, String)> =
+        command.get_arguments().map(|arg| (rank(arg), arg.get_id().to_string())).collect();
+    // The headings come in the order in which clap finds them, and an argument that is changed comes last.
+    ids.sort_by_key(|(rank, _)| *rank);
+    let command = ids.iter().fold(command, |command, (_, id)| {
+        command.mut_arg(id, |arg| {
+            let Some(text) = text_of(&arg) else { return arg };
+            let place = TEXTS.iter().position(|other| std::ptr::eq(other, text));
+            let arg = arg.display_order(place.unwrap_or(TEXTS.len()));
+            let heading = heading_of(&arg, Some(text)).map(str::to_owned);
+            let long = arg.get_long_help().or(arg.get_help()).map(ToString::to_string).unwrap_or_default();
+            let arg = if arg.get_action().takes_values() && !text.placeholder.is_empty() {
+                arg.value_name(text.placeholder)
+            } else {
+                arg
+            };
+            let arg = arg.help(text.short).long_help(long);
+            heading.into_iter().fold(arg, Arg::help_heading)
+        })
+    });
+    let help = Arg::new("help").short('h').long("help").action(ArgAction::Help).help("Print help");
+    let help = help.long_help("Print help; -h prints a summary").help_heading("Run").display_order(TEXTS.len());
+    let command = command.disable_help_flag(true).arg(help);
+    if name.is_empty() && command.get_version().is_some() {
+        let version = Arg::new("version").short('V').long("version").action(ArgAction::Version).help("Print version");
+        return command.disable_version_flag(true).arg(version);
+    }
+    command
+}
+
+/// The heading of an argument.
+fn heading_of<'a>(arg: &'a Arg, text: Option<&Text>) -> Option<&'a str> {
+    text.map(|text| text.heading).filter(|heading| !heading.is_empty()).or(arg.get_help_heading())
 }
 
 /// The command and its subcommands with lines that fit.
@@ -234,18 +331,85 @@ mod tests {
         }
     }
 
+    /// Number of options that a help shows.
+    fn shown(text: &str) -> usize {
+        text.lines().filter(|line| line.trim_start().starts_with('-') && line.contains("--")).count()
+    }
+
     #[test]
-    fn the_short_help_of_localize_shows_what_people_need_and_the_long_one_all() {
+    fn the_short_help_of_localize_has_thirty_options_at_most_and_the_long_one_forty_five() {
         let mut localize = commands().into_iter().find(|(name, _)| name == "quadlift localize").unwrap().1;
         let (short, long) = (localize.render_help().to_string(), localize.render_long_help().to_string());
-        assert!(short.lines().count() <= 40, "{short}");
-        // Without the scenes, which are no option, and with --json and --help.
-        assert_eq!(short.matches("\n      --").count() + short.matches("\n  -").count(), SHORT.len() + 1, "{short}");
-        for name in ["--method", "--sigmas", "letterbox=WxH", "--max-pixels"] {
+        assert!((20..=30).contains(&shown(&short)), "{}: {short}", shown(&short));
+        assert!((31..=45).contains(&shown(&long)), "{}: {long}", shown(&long));
+        for name in ["--min-views", "--sigmas", "letterbox=WxH", "--max-pixels"] {
             assert!(!short.contains(name) && long.contains(name), "{name}");
         }
-        let research = long.find("For research").unwrap();
-        assert!(long.find("--method <").unwrap() > research && long.find("--reg-weight").unwrap() > research);
+        for name in ["--method", "--world-object", "--topics"] {
+            assert!(!short.contains(name) && !long.contains(name), "{name}");
+        }
+        let ids: Vec<_> = localize.get_arguments().map(|arg| arg.get_id().to_string()).collect();
+        assert!(USUAL.iter().chain(&HIDDEN).all(|id| ids.iter().any(|known| known == id)), "{ids:?}");
+    }
+
+    /// Whether a text has three to eight words, at most 60 characters and no parentheses.
+    fn is_short(text: &str) -> bool {
+        (3..=8).contains(&text.split_whitespace().count()) && text.chars().count() <= 60 && !text.contains('(')
+    }
+
+    #[test]
+    fn commands_and_options_have_short_texts_and_options_long_ones_too() {
+        for (name, command) in commands() {
+            let about = command.get_about().map(ToString::to_string).unwrap_or_default();
+            let is_format = name.matches(' ').count() > 1;
+            assert!(name == "quadlift" || is_format || name.contains(" help") || is_short(&about), "{name}: {about}");
+            for arg in command.get_arguments().filter(|arg| !["help", "version"].contains(&arg.get_id().as_str())) {
+                let text = arg.get_help().map(ToString::to_string).unwrap_or_default();
+                assert!(name.contains(" help") || is_short(text.trim_end()), "{name} {}: {text}", arg.get_id());
+                assert!(name.contains(" help") || arg.get_long_help().is_some(), "{name} {}", arg.get_id());
+            }
+        }
+    }
+
+    #[test]
+    fn every_text_is_of_an_argument_and_every_heading_has_its_place() {
+        let all = commands();
+        let has = |text: &Text| {
+            let mut of_command =
+                all.iter().filter(|(name, _)| name.split(' ').nth(1).unwrap_or_default().contains(text.command));
+            of_command.any(|(_, command)| command.get_arguments().any(|arg| arg.get_id() == text.id))
+        };
+        for text in TEXTS {
+            assert!(has(text), "{} {}", text.command, text.id);
+        }
+        for (name, command) in &all {
+            for heading in command.get_arguments().filter_map(Arg::get_help_heading) {
+                assert!(HEADINGS.contains(&heading), "{name}: {heading}");
+            }
+        }
+    }
+
+    #[test]
+    fn placeholders_say_what_goes_there() {
+        for (name, command) in commands() {
+            for arg in command.get_arguments().filter(|arg| arg.get_action().takes_values()) {
+                for placeholder in arg.get_value_names().into_iter().flatten() {
+                    let says_nothing =
+                        ["NAME", "WHAT", "WHEN", "WHERE", "HOW", "X", "S", "SD"].contains(&&**placeholder);
+                    assert!(!says_nothing, "{name} {}: {placeholder}", arg.get_id());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_command_is_listed_under_a_heading() {
+        let text = arrange(crate::Cli::command()).render_help().to_string();
+        let (list, _) = text.split_once("Options:").unwrap();
+        for command in crate::Cli::command().get_subcommands().filter(|command| !command.is_hide_set()) {
+            assert!(list.contains(&format!("\n  {} ", command.get_name())), "{}: {list}", command.get_name());
+        }
+        assert!(!list.contains("Formats:") && list.contains("\nEstimate:\n  localize "), "{list}");
     }
 
     #[test]

@@ -74,7 +74,7 @@ pub fn run_error(error: RunError<InputError>, title: &str, input: &FileInput) ->
             anyhow!("{error} (--associate always associates them)")
         }
         RunError::Associate(AssociateError::Source(SourceError::Several(_)))
-        | RunError::Localize(LocalizeError::Source(SourceError::Several(_))) => anyhow!("{error} (--source NAME)"),
+        | RunError::Localize(LocalizeError::Source(SourceError::Several(_))) => anyhow!("{error} (--source SOURCE)"),
         other => other.into(),
     };
     error.context(title.to_owned())

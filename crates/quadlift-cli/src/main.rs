@@ -12,6 +12,7 @@ mod estimate_table;
 mod evaluation;
 mod files;
 mod help;
+mod labels;
 mod localization;
 mod next;
 mod options;
@@ -33,8 +34,8 @@ use std::process::ExitCode;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use commands::{
-    align, associate, calibrate, completions, demo, evaluate, export, import, info, localize, locate, render, segment,
-    stream, synth, view,
+    align, associate, calibrate, completions, demo, evaluate, export, import, info, localize, locate, man, render,
+    segment, stream, synth, view,
 };
 use error::Outcome;
 use output::Output;
@@ -57,6 +58,9 @@ Outputs:
 To start:
   quadlift demo";
 
+/// Largest `--max-pixels`: a mask of so many pixels takes 4 GiB.
+const MOST_MAX_PIXELS: u64 = 1 << 32;
+
 /// Lifts 2D object detections from posed images to 3D objects: ellipsoids and cuboids.
 #[derive(Parser)]
 #[command(name = "quadlift", version, after_help = EXIT_CODES)]
@@ -65,19 +69,20 @@ struct Cli {
     command: Command,
 
     /// Print one JSON document to standard output
-    #[arg(long, global = true, help_heading = "Output")]
+    #[arg(long, global = true)]
     json: bool,
 
     /// Print details to standard error: rejected views, noise levels, times
-    #[arg(short, long, global = true, help_heading = "Output", hide_short_help = true)]
+    #[arg(short, long, global = true)]
     verbose: bool,
 
-    /// Reject images and masks with more pixels before they are decoded
-    #[arg(long, global = true, value_name = "N", default_value_t = DEFAULT_MAX_PIXELS, help_heading = "Limits", hide_short_help = true)]
+    /// Reject images and masks with more pixels before they are decoded, at most 4294967296
+    #[arg(long, global = true, value_name = "N", default_value_t = DEFAULT_MAX_PIXELS, hide_short_help = true,
+          value_parser = clap::value_parser!(u64).range(1..=MOST_MAX_PIXELS))]
     max_pixels: u64,
 
     /// Print errors only
-    #[arg(short, long, global = true, conflicts_with = "verbose", help_heading = "Output", hide_short_help = true)]
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
     quiet: bool,
 }
 
@@ -99,6 +104,8 @@ enum Command {
     Export(export::Args),
     Info(info::Args),
     Completions(completions::Args),
+    #[command(hide = true)]
+    Man(man::Args),
 }
 
 fn main() -> ExitCode {
@@ -151,6 +158,7 @@ fn run(command: Command, out: &Output) -> anyhow::Result<Outcome> {
         Command::Export(args) => export::run(&args, out),
         Command::Info(args) => info::run(&args, out),
         Command::Completions(args) => completions::run(&args, out),
+        Command::Man(args) => man::run(&args, out),
     }
 }
 

@@ -1,16 +1,17 @@
-//! Segmenting one scene with progress bars: what `segment` and `demo` share.
+//! Segmenting one scene with a progress bar: what `segment` and `demo` share.
 
-use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::bail;
+use quadlift::Observer;
 use quadlift::scene::{Scene, SourceError};
 use quadlift_io::scene_file::SceneImages;
 use quadlift_io::segmentation::{self, SegmentSceneError, Segmentation, Settings, Step};
 
 use crate::output::Output;
-use crate::progress::counting_bar;
+use crate::progress::RunProgress;
 
-/// Segments the detections of a scene; `title` precedes the progress bars.
+/// Segments the detections of a scene; `title` precedes the progress bar.
 pub fn segment_scene(
     title: &str,
     scene: &Scene,
@@ -18,22 +19,19 @@ pub fn segment_scene(
     settings: &Settings,
     out: &Output,
 ) -> anyhow::Result<Segmentation> {
-    let (of_images, of_objects) = (counting_bar(title, "images", out), counting_bar(title, "objects", out));
+    let progress = RunProgress::new(title, out);
+    progress.begin("reading images", 0.3);
+    let is_reading = AtomicBool::new(true);
+    // Objects are segmented after all images were read.
     let result = segmentation::segment_scene(scene, images, settings, &|step, done, total| {
-        let bar = match step {
-            Step::Images => &of_images,
-            Step::Objects => &of_objects,
-        };
-        bar.set_length(total as u64);
-        bar.set_position(done as u64);
-        if done == total {
-            bar.finish_and_clear();
+        if step == Step::Objects && is_reading.swap(false, Ordering::Relaxed) {
+            progress.begin("segmenting objects", 1.0);
         }
-        ControlFlow::Continue(())
+        progress.progress(done, total)
     });
-    of_images.finish_and_clear();
+    drop(progress);
     match result {
-        Err(SegmentSceneError::Source(error @ SourceError::Several(_))) => bail!("{error} (--source NAME)"),
+        Err(SegmentSceneError::Source(error @ SourceError::Several(_))) => bail!("{error} (--source SOURCE)"),
         result => Ok(result?),
     }
 }

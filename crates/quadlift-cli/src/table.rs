@@ -5,7 +5,7 @@ use std::fmt::Write;
 use anstyle::Style;
 use unicode_width::UnicodeWidthStr;
 
-use crate::output::{HEADING, one_line};
+use crate::output::{DIM, HEADING, one_line};
 
 /// A cell: its text and how it is shown.
 #[derive(Debug, Clone, Default)]
@@ -29,6 +29,18 @@ impl<T: AsRef<str>> From<T> for Cell {
 
 /// Columns of the terminal; titles of tables that would be wider are broken into several lines.
 const WIDTH: usize = 100;
+
+/// Maximum number of rows of a table of objects, frames or cameras.
+pub const MOST_ROWS: usize = 40;
+
+/// The line below a table of the first [`MOST_ROWS`] of so many things, if there are more; `all` says where all are.
+pub fn rest(total: usize, things: &str, all: &str) -> String {
+    match total.saturating_sub(MOST_ROWS) {
+        0 => String::new(),
+        1 => format!("{DIM}and 1 more {things}: {all}{DIM:#}\n"),
+        more => format!("{DIM}and {more} more {things}s: {all}{DIM:#}\n"),
+    }
+}
 
 /// A table with a header; columns are as wide as their widest cell.
 #[derive(Debug, Clone)]
@@ -178,6 +190,14 @@ mod tests {
         table.push(vec!["a".into(), "1.50".into()]);
         let text = anstream::adapter::strip_str(&table.render()).to_string();
         assert_eq!(text, "name  x [m\\n\\u{1b}]\na              1.50\n");
+    }
+
+    #[test]
+    fn what_a_table_leaves_out_is_counted() {
+        let rest = |total| anstream::adapter::strip_str(&rest(total, "object", "--json lists all")).to_string();
+        assert_eq!([rest(0), rest(40)], ["", ""]);
+        assert_eq!(rest(41), "and 1 more object: --json lists all\n");
+        assert_eq!(rest(100), "and 60 more objects: --json lists all\n");
     }
 
     #[test]

@@ -22,7 +22,13 @@ pub fn write_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<
     let fail = |error: io::Error| WriteError::new(path, plain(&error));
     let to_stream = |out: &mut dyn Write| write_buffered(out, write);
     let write = match stream(path) {
-        Some(Stream::Output) => return to_stream(&mut io::stdout().lock()).map_err(fail),
+        Some(Stream::Output) => {
+            return match to_stream(&mut io::stdout().lock()) {
+                // The reader has seen enough (`... -o - | head`).
+                Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+                written => written.map_err(fail),
+            };
+        }
         Some(Stream::Error) => return to_stream(&mut io::stderr().lock()).map_err(fail),
         Some(Stream::Other) => {
             let mut out = fs::OpenOptions::new().append(true).open(path).map_err(fail)?;

@@ -1,5 +1,7 @@
 //! The self-check ([`quadlift::diagnosis`]) as text, as the options that correct a mistake, and as a record.
 
+use std::collections::BTreeMap;
+
 use quadlift::diagnosis::{BoxFormat, Cause, CauseName, Correction, PixelMap};
 use quadlift::run::Check;
 use serde::{Deserialize, Serialize};
@@ -21,6 +23,8 @@ pub struct Context {
     orientation: Option<u8>,
     /// Factor on the focal lengths that an option sets; 0 if none does.
     focal_factor: f64,
+    /// Whether the scene is of several fixed cameras, whose frames repeat their poses on purpose.
+    has_fixed_cameras: bool,
     /// The number that the detections give to frame 0, see [`crate::read::detections::AddedDetections::frame_offset`].
     pub frame_offset: i64,
 }
@@ -30,7 +34,12 @@ impl Context {
     pub fn of(file: &SceneFile, frame_offset: i64) -> Self {
         let sizes = file.image_sizes();
         let first = sizes.first().copied().flatten();
-        Self { image_size: first.filter(|_| sizes.iter().all(|size| *size == first)), frame_offset, ..Self::default() }
+        Self {
+            image_size: first.filter(|_| sizes.iter().all(|size| *size == first)),
+            has_fixed_cameras: has_fixed_cameras(file),
+            frame_offset,
+            ..Self::default()
+        }
     }
 
     /// The context after options have corrected the scene; proposed options then replace the given ones.
@@ -71,6 +80,20 @@ impl Context {
     pub fn correction(&self, cause: &Cause) -> Option<RecordCorrection> {
         Some(RecordCorrection::of(&cause.correction?, self.image_size))
     }
+}
+
+/// Whether there are several cameras, each with one pose in two frames or more.
+fn has_fixed_cameras(file: &SceneFile) -> bool {
+    let mut cameras: BTreeMap<&str, (usize, _)> = BTreeMap::new();
+    for frame in &file.frames {
+        let (Some(camera), Some(pose)) = (frame.camera.as_deref(), &frame.cam_from_world) else { return false };
+        let (frames, first) = cameras.entry(camera).or_insert((0, pose));
+        if *first != pose {
+            return false;
+        }
+        *frames += 1;
+    }
+    cameras.len() > 1 && cameras.values().all(|(frames, _)| *frames > 1)
 }
 
 /// The EXIF orientation of pictures that still are turned by the second one after the first was undone; 1 if they are not.
@@ -114,6 +137,9 @@ pub struct CauseRecord {
     /// The correction, which files do not hold.
     #[serde(skip)]
     pub correction: Option<Correction>,
+    /// Whether the cameras are fixed, which files do not hold.
+    #[serde(skip)]
+    has_fixed_cameras: bool,
 }
 
 impl DiagnosisRecord {
@@ -163,6 +189,7 @@ impl CauseRecord {
             value: cause.value,
             frames: cause.frames.clone(),
             correction: cause.correction,
+            has_fixed_cameras: context.has_fixed_cameras,
         }
     }
 
@@ -172,7 +199,15 @@ impl CauseRecord {
         self.mistake() + &option
     }
 
+    /// Whether boxes move although the cameras do not.
+    fn is_of_moving_objects(&self) -> bool {
+        self.name == CauseName::DuplicatePoses && self.has_fixed_cameras
+    }
+
     fn mistake(&self) -> String {
+        if self.is_of_moving_objects() {
+            return "the objects move: the cameras are fixed and the boxes are not; objects must be static".to_owned();
+        }
         let mistake = mistake_in_words(self.name, self.value, self.correction);
         if self.frames.is_empty() {
             return mistake;
@@ -194,7 +229,8 @@ impl CauseRecord {
                 | CauseName::Outlines
                 | CauseName::Depths
                 | CauseName::Boxes3d
-        ) || !self.frames.is_empty();
+        ) || !self.frames.is_empty()
+            || self.is_of_moving_objects();
         if !says_it {
             text.push_str(&format!(": {}", miss_in_words(self.before)));
             if self.after < self.before {

@@ -1,7 +1,7 @@
 //! Bytes and text of input files, and the files in a folder.
 
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::{self, IsTerminal, Read};
 use std::path::{Path, PathBuf};
 
 use crate::destination::is_open_file;
@@ -11,12 +11,15 @@ use crate::guard::note_read;
 /// Most bytes that are read from a pipe.
 const MOST_FROM_PIPE: u64 = 1 << 32;
 
-/// The bytes of a file. Devices and named pipes are rejected, because they may be endless or never written to; an open
-/// pipe (`/dev/stdin`, `/dev/fd/63` of a shell's `<(...)`) is read.
+/// The bytes of a file; `-` is the standard input. Devices and named pipes are rejected, because they may be endless or
+/// never written to; an open pipe (`/dev/stdin`, `/dev/fd/63` of a shell's `<(...)`) is read.
 ///
 /// # Errors
 /// [`ReadError`] if there is no such file, if it is a folder, a device or a named pipe, or if the system reports an error.
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
+    if path.as_os_str() == "-" {
+        return read_standard_input(path);
+    }
     check_readable(path)?;
     note_read(path);
     let read = || {
@@ -30,6 +33,21 @@ pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
         Ok(bytes)
     };
     read().map_err(|error| read_error(path, &error))
+}
+
+/// The bytes of the standard input, which `path` names in messages.
+fn read_standard_input(path: &Path) -> Result<Vec<u8>, ReadError> {
+    let input = io::stdin();
+    if input.is_terminal() {
+        return Err(ReadError::new(path, "the standard input is a terminal; expected a file or a pipe"));
+    }
+    note_read(Path::new("/dev/stdin"));
+    let mut bytes = Vec::new();
+    match input.lock().take(MOST_FROM_PIPE).read_to_end(&mut bytes) {
+        Ok(count) if count as u64 == MOST_FROM_PIPE => Err(ReadError::new(path, "the input holds more than 4 GiB")),
+        Ok(_) => Ok(bytes),
+        Err(error) => Err(read_error(path, &error)),
+    }
 }
 
 /// Rejects anything but ordinary files and open pipes before opening, which may block forever.

@@ -21,7 +21,7 @@ use crate::output::{HEADING, Output, one_line};
 use crate::threads;
 use crate::words::duration;
 
-/// Align two maps by their objects, and merge them
+/// Align two object maps and merge them
 ///
 /// For maps of one place that were made apart, also from opposite sides: categories, sizes and distances of objects are compared; ids,
 /// images and appearance are not used. Objects of one map may be missing in the other one. With -o the maps become one, in the frame

@@ -14,21 +14,21 @@ use quadlift_io::{builtin_priors, read_priors, write_scene_file};
 use serde_json::json;
 
 use crate::args;
-use crate::association::in_words;
+use crate::association::{in_words, labels};
 use crate::corrections::{Corrections, corrected_in_words, read_input};
 use crate::diagnosis::tell;
 use crate::error::{Outcome, usage};
-use crate::files::{Inputs, check_result_name, outputs};
+use crate::files::{Inputs, check_result_name, move_paths, outputs};
 use crate::localization::run_error;
 use crate::next::Next;
 use crate::options::{Associate, Chosen};
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::progress::RunProgress;
-use crate::table::{Cell, Table};
+use crate::table::{Cell, MOST_ROWS, Table, rest};
 use crate::threads;
 use crate::words::duration;
 
-/// Associate detections that show the same object
+/// Associate detections of the same object
 ///
 /// For detectors that give boxes without object ids. The result is the same scene with an `object` id in each assigned
 /// detection; unassigned detections have none. Objects that seem to move, or to be several objects, are marked as
@@ -74,7 +74,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 3)]
     min_views: usize,
 
-    /// Skip detections with a lower score
+    /// Skip detections with a lower score, such as 0.5
     #[arg(long, value_name = "S", value_parser = args::finite)]
     min_score: Option<f64>,
 
@@ -143,27 +143,30 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let scene = input.scene();
     let associated = association.applied_to(scene, scene.source_index(args.source.as_deref())?);
     let mut file = (*input.file).clone();
+    move_paths(&mut file, &args.scene, &args.output)?;
     write_objects(&mut file.detections, &associated);
     // The true objects, if the scene has any, have other ids.
     file.objects = Vec::new();
     write_scene_file(&args.output, &file)?;
     let mut table = Table::new(["<object", "<category", "views", "evidence", "<doubtful"]);
-    for object in &association.objects {
+    let labels = labels(scene, &association);
+    for object in association.objects.iter().take(MOST_ROWS) {
         let category = object.category_index.map_or("", |index| scene.categories[index as usize].as_str());
         table.push(vec![
-            Cell::from(&object.id),
-            Cell::from(category),
+            Cell::from(labels.of(&object.id)),
+            Cell::from(labels.category(&object.id, Some(category))),
             Cell::from(format!("{} of {}", object.views, object.expected_views)),
             Cell::from(object.evidence.map_or_else(String::new, |evidence| format!("{evidence:.0}"))),
             Cell::styled(object.doubtful.map_or("", |doubt| doubt.text()), WARNING),
         ]);
     }
     out.report(&format!(
-        "{HEADING}{}{HEADING:#}: {}\n{}\n{}wrote {}\n",
+        "{HEADING}{}{HEADING:#}: {}\n{}\n{}{}wrote {}\n",
         one_line(&title),
         in_words(&association),
         corrected_in_words(&input.notes),
         table.render(),
+        rest(association.objects.len(), "object", "--json lists all"),
         args.output.display()
     ))?;
     let source = args.source.iter().flat_map(|name| ["--source".into(), Path::new(name).into()]);

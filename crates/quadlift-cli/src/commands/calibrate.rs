@@ -16,16 +16,16 @@ use quadlift_io::{builtin_priors, read_priors, read_scene_file, write_scene_file
 
 use crate::args;
 use crate::error::{Outcome, usage};
-use crate::files::{Inputs, check_result_name, outputs, refuse_to_overwrite, with_hint};
+use crate::files::{Inputs, check_result_name, move_paths, outputs, refuse_to_overwrite, with_hint};
 use crate::next::Next;
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
-use crate::table::{Cell, Table};
+use crate::table::{Cell, MOST_ROWS, Table, rest};
 use crate::threads;
 use crate::words::{count, duration, some_of, with_unit};
 
-/// Find the poses of fixed cameras from what stands or walks by
+/// Find the poses of fixed cameras
 ///
-/// For synchronized cameras with known intrinsics: every camera of the scene file stays where it is, and frames with the same
+/// Finds them from the boxes of what stands or walks by. For synchronized cameras with known intrinsics: every camera of the scene file stays where it is, and frames with the same
 /// `rig_frame`, or with equal `time`, were taken at one instant. Boxes with the same `object` show the same body; boxes without one are
 /// matched by where they are. The result is the scene with `cam_from_world` in the frames of each camera that was calibrated.
 /// Cameras that already have a pose keep it.
@@ -98,7 +98,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
 
-    /// Skip detections with a lower score
+    /// Skip detections with a lower score, such as 0.5
     #[arg(long, value_name = "S", value_parser = args::finite)]
     min_score: Option<f64>,
 
@@ -151,7 +151,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let unit = if builtin { Some("m".to_owned()) } else { file.length_unit.clone() };
     let options = RigOptions { sizes, upright: args.upright.clone(), still: args.still.clone() };
     let rig = match scene.rig(args.source.as_deref(), args.min_score, &options) {
-        Err(error @ SourceError::Several(_)) => bail!("{}: {error} (--source NAME)", args.scene.display()),
+        Err(error @ SourceError::Several(_)) => bail!("{}: {error} (--source SOURCE)", args.scene.display()),
         found => found.with_context(|| args.scene.display().to_string())?,
     };
     warn_of_categories(args, &scene, out);
@@ -159,6 +159,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let found = calibrate(&rig, &CalibrateOptions { distances, seed: args.seed });
     out.detail(&format!("{} calibrated in {}", count(rig.cameras.len(), "camera"), duration(start.elapsed())));
     scene.write(&mut file, &found, unit.as_deref(), args.posed_only);
+    move_paths(&mut file, &args.scene, &args.output)?;
     write_scene_file(&args.output, &file)?;
     let calibrated = found.cameras.iter().filter(|camera| camera.status == CameraStatus::Ok).count();
     let any_way = options.categories(scene.categories()).into_iter().zip(scene.categories());
@@ -276,7 +277,7 @@ fn table(ids: &[String], found: &Calibration, unit: Option<&str>) -> String {
     let position = with_unit("position", unit);
     let mut table =
         Table::new(["<camera", "<status", "instants", &position, "rotation [deg]", "residual [px]", "edges [%]"]);
-    for (index, (id, camera)) in ids.iter().zip(&found.cameras).enumerate() {
+    for (index, (id, camera)) in ids.iter().zip(&found.cameras).enumerate().take(MOST_ROWS) {
         let style = match camera.status {
             CameraStatus::Ok | CameraStatus::Given => GOOD,
             CameraStatus::Ambiguous | CameraStatus::Undetermined => WARNING,
@@ -292,7 +293,7 @@ fn table(ids: &[String], found: &Calibration, unit: Option<&str>) -> String {
             Cell::from(camera.edge_sd.map_or_else(String::new, |sd| format!("{:.1}", 100.0 * sd))),
         ]);
     }
-    table.render()
+    table.render() + &rest(ids.len(), "camera", "the result and --json list all")
 }
 
 fn position_of(camera: &CalibratedCamera, is_reference: bool) -> String {

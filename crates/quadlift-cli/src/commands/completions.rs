@@ -4,6 +4,7 @@ use clap::CommandFactory;
 use clap_complete::Shell;
 
 use crate::error::Outcome;
+use crate::help;
 use crate::output::Output;
 
 /// Print a script for shell completion
@@ -20,7 +21,7 @@ pub struct Args {
 
 pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut crate::Cli::command(), "quadlift", &mut script);
+    clap_complete::generate(args.shell, &mut help::grouped(crate::Cli::command()), "quadlift", &mut script);
     out.product(&String::from_utf8_lossy(&script))?;
     Ok(Outcome::Fine)
 }

@@ -10,6 +10,7 @@ use serde_json::json;
 
 use crate::error::Outcome;
 use crate::evaluation::{Match, render, render_found, render_identities, why_no_identities};
+use crate::labels::Labels;
 use crate::next::Next;
 use crate::output::Output;
 use crate::report::{Gathered, check_report};
@@ -26,13 +27,14 @@ use crate::report::{Gathered, check_report};
 Columns:
   IoU            intersection over union of the ellipsoids, by volume (O3D of the paper)
   enclosing IoU  the same for the enclosing ellipsoid, which should contain the real object
-  cuboid IoU     the same for cuboids, if both files have them
-  axis           angle between the longest axes (theta_err of the paper)
+  cuboid IoU     the same for cuboids; empty for estimates of another kind
+  axis           angle between the longest axes; axes of about one length may be exchanged,
+                 and balls have none
   center, size   distance of the centers; mean relative error of the semi-axes
   outline, box   area IoU in the images, of the outlines and of their bounding boxes
 
 Below the table:
-  found          true objects that an estimate overlaps with an IoU of at least 0.25, one estimate per object
+  found          true objects that an estimate with the status ok overlaps with an IoU of at least 0.25
   identities     pairwise scores of the association, over pairs of detections of true objects
 
 Examples:
@@ -84,7 +86,9 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
             Err(EvaluateError::NoCommonId(why)) => bail!("{why} (--match overlap pairs them by their bodies)"),
             result => result?,
         };
-        text = render(&scores, truth.1.length_unit.as_deref()) + &render_found(&found);
+        let labels = [estimate, truth].map(|(_, file)| Labels::of_file(file));
+        let [of_estimates, of_truth] = &labels;
+        text = render(&scores, [of_estimates, of_truth], truth.1.length_unit.as_deref()) + &render_found(&found);
         document = scores_record(&scores);
         document["found"] = found_record(&found);
         evaluation = Some(scores);

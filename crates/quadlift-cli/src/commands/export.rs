@@ -14,6 +14,7 @@ use serde_json::json;
 
 use crate::error::{Outcome, usage};
 use crate::files::{check_file, refuse_to_overwrite};
+use crate::labels::Labels;
 use crate::output::{Output, one_line};
 use crate::reading::{Given, arguments};
 use crate::words::{count, some_of};
@@ -124,19 +125,19 @@ fn export(writer: &Writer, common: &Common, options: &WriteOptions, out: &Output
             if checked.bodies() == 0 {
                 bail!("{}: no object has a body: there is nothing to export", scene.display());
             }
-            finish(out, &[write(&checked, options)?], &paths, checked.without_body())
+            finish(out, &[write(&checked, options)?], &paths, (checked.without_body(), &Labels::of_file(&file)))
         }
         Writer::Tables(write) => {
             let paths: Vec<&Path> =
                 [Some(output), options.views.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
             let documents = write(&read(common, &paths)?).map_err(in_scene)?;
-            finish(out, &documents, &paths, &[])
+            finish(out, &documents, &paths, (&[], &Labels::default()))
         }
         Writer::Cameras(write) => {
             check_file(output)?;
             refuse_to_overwrite(scene, output)?;
             let document = write(&read_scene_file(scene)?, options).map_err(in_scene)?;
-            finish(out, &[document], &[output], &[])
+            finish(out, &[document], &[output], (&[], &Labels::default()))
         }
         Writer::CameraFolder(names, write) => {
             let documents = write(&read_scene_file(scene)?).map_err(in_scene)?;
@@ -147,7 +148,7 @@ fn export(writer: &Writer, common: &Common, options: &WriteOptions, out: &Output
                 check_file(path)?;
                 refuse_to_overwrite(scene, path)?;
             }
-            finish(out, &documents, &paths.each_ref().map(PathBuf::as_path), &[])
+            finish(out, &documents, &paths.each_ref().map(PathBuf::as_path), (&[], &Labels::default()))
         }
     }
 }
@@ -170,7 +171,12 @@ fn read(common: &Common, outputs: &[&Path]) -> anyhow::Result<SceneFile> {
 }
 
 /// Writes the documents that have a path, and reports them.
-fn finish(out: &Output, documents: &[Document], paths: &[&Path], without_body: &[String]) -> anyhow::Result<Outcome> {
+fn finish(
+    out: &Output,
+    documents: &[Document],
+    paths: &[&Path],
+    without_body: (&[String], &Labels),
+) -> anyhow::Result<Outcome> {
     for (document, path) in documents.iter().zip(paths) {
         write_file(path, |out| out.write_all(&document.content))?;
     }
@@ -178,11 +184,11 @@ fn finish(out: &Output, documents: &[Document], paths: &[&Path], without_body: &
     tell(out, written, without_body)
 }
 
-/// Reports what was written: path, counts and notes of each.
+/// Reports what was written: path, counts and notes of each; and which objects have no body.
 fn tell<'a>(
     out: &Output,
     written: impl Iterator<Item = (&'a Path, &'a [(&'a str, usize)], &'a [String])>,
-    without_body: &[String],
+    (without_body, labels): (&[String], &Labels),
 ) -> anyhow::Result<Outcome> {
     let mut text = String::new();
     let mut files = Vec::new();
@@ -193,7 +199,8 @@ fn tell<'a>(
     }
     if !without_body.is_empty() {
         let objects = count(without_body.len(), "object");
-        text.push_str(&format!("- skipped without a body: {objects} ({})\n", one_line(&some_of(without_body))));
+        let names = one_line(&some_of(&labels.of_all(without_body)));
+        text.push_str(&format!("- skipped without a body: {objects} ({names})\n"));
     }
     out.report(&text)?;
     out.document(&json!({ "files": files, "without_body": without_body }))?;

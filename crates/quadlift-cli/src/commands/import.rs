@@ -18,10 +18,10 @@ use crate::error::Outcome;
 use crate::output::Output;
 use crate::reading::{Given, arguments};
 
-const ABOUT: &str = "Convert cameras, poses or detections of another program";
+const ABOUT: &str = "Import cameras, poses or detections";
 
 const LONG_ABOUT: &str = "\
-Convert cameras, poses or detections of another program
+Import cameras, poses or detections of another program
 
 Cameras and poses become a scene file. Axes, transforms, pixel origins, quaternions and units are converted to the conventions
 of scene files. Detections are added to a scene, --into: their images are matched to its frames by name, number or time. Track

@@ -13,6 +13,7 @@ use serde::Serialize;
 
 use crate::corrections::{Corrections, corrected_in_words, read_input};
 use crate::error::Outcome;
+use crate::labels::Labels;
 use crate::next::Next;
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::pose_check::pose_oddities;
@@ -22,7 +23,7 @@ use crate::words::{count, some_of};
 /// Boxes that reach farther out of the image than this are counted (pixels).
 const OUTSIDE_TOLERANCE: f64 = 1.0;
 
-/// Summarize a scene file and report suspicious values
+/// Summarize and check a scene file
 ///
 /// The file is validated as for localization. Suspicious values that are not errors are listed and do not change the
 /// exit code, not even if the scene is inconsistent.
@@ -212,6 +213,7 @@ fn sources(file: &SceneFile, scene: &Scene) -> Vec<Source> {
 /// Possible problems of a valid scene.
 fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
     let mut oddities = Vec::new();
+    let labels = Labels::of_scene(scene);
     if scene.frames.is_empty() {
         oddities.push("there are no frames".to_owned());
     }
@@ -224,7 +226,8 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
     for source in &report.sources {
         let of = source.name.as_ref().map(|name| format!(" of \"{name}\"")).unwrap_or_default();
         if !source.objects_seen_once.is_empty() {
-            oddities.push(format!("objects{of} seen in one frame only: {}", some_of(&source.objects_seen_once)));
+            let names = labels.of_all(&source.objects_seen_once);
+            oddities.push(format!("objects{of} seen in one frame only: {}", some_of(&names)));
         }
     }
     let (mut outside, mut beyond) = (0, 0);
@@ -271,6 +274,7 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
         oddities.push(format!("frames without detections: {}", some_of(&blank)));
     }
     let several = objects_of_several_categories(scene);
+    let several = labels.of_all(&several);
     if !several.is_empty() {
         oddities
             .push(format!("objects with several categories (the most frequent one is used): {}", some_of(&several)));

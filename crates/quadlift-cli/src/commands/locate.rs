@@ -19,15 +19,12 @@ use serde_json::{Value, json};
 
 use crate::args;
 use crate::error::{Outcome, usage};
-use crate::files::{Inputs, check_result_name, outputs, refuse_to_overwrite, with_hint};
+use crate::files::{Inputs, check_result_name, move_paths, outputs, refuse_to_overwrite, with_hint};
 use crate::next::Next;
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
-use crate::table::{Cell, Table};
+use crate::table::{Cell, MOST_ROWS, Table, rest};
 use crate::threads;
 use crate::words::{count, duration, some_of, with_unit};
-
-/// Maximum number of rows of the table, as of estimates.
-const MOST_ROWS: usize = 10_000;
 
 /// Locate images in a map of objects
 ///
@@ -79,7 +76,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
 
-    /// Skip detections with a lower score
+    /// Skip detections with a lower score, such as 0.5
     #[arg(long, value_name = "S", value_parser = args::finite)]
     min_score: Option<f64>,
 
@@ -131,7 +128,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     check_not_read(&args.output)?;
     let scene = file.to_queries(args.all).map_err(|error| error.in_file(&args.query))?;
     let frames = match scene.queries(args.source.as_deref(), args.min_score) {
-        Err(error @ SourceError::Several(_)) => bail!("{}: {error} (--source NAME)", args.query.display()),
+        Err(error @ SourceError::Several(_)) => bail!("{}: {error} (--source SOURCE)", args.query.display()),
         found => found.with_context(|| args.query.display().to_string())?,
     };
     if frames.is_empty() {
@@ -162,6 +159,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
     let ids: Vec<String> = found.iter().map(|(frame, _)| file.frames[frame.frame_index].id.clone()).collect();
     write_locations(&mut file, &map_file, &map, &found, args.posed_only);
+    move_paths(&mut file, &args.query, &args.output)?;
     write_scene_file(&args.output, &file)?;
     let located = found.iter().filter(|(_, located)| located.status == LocateStatus::Ok).count();
     warn_of_categories(&map, &found, out);
@@ -307,9 +305,7 @@ fn table(ids: &[String], found: &[(FrameQuery, Located)], unit: Option<&str>) ->
             Cell::from(best.map_or_else(String::new, |pose| format!("{:.1}", pose.evidence))),
         ]);
     }
-    let more = found.len().saturating_sub(MOST_ROWS);
-    let rest = if more == 0 { String::new() } else { format!("and {more} more frames; the result lists all\n") };
-    table.render() + &rest
+    table.render() + &rest(found.len(), "frame", "the result and --json list all")
 }
 
 fn document(

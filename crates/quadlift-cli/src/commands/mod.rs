@@ -11,6 +11,7 @@ pub mod import;
 pub mod info;
 pub mod localize;
 pub mod locate;
+pub mod man;
 pub mod render;
 pub mod segment;
 pub mod stream;

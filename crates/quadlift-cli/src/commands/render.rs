@@ -14,7 +14,9 @@ use crate::output::Output;
 use crate::report::Gathered;
 use crate::words::some_of;
 
-/// Draw the detections and outlines of one frame as PNG or SVG
+/// Draw one frame as PNG or SVG
+///
+/// Draws its detections and the outlines of the bodies.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,

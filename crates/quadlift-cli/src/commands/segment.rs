@@ -6,6 +6,7 @@ use std::time::Instant;
 use anyhow::{Context, anyhow, bail};
 use clap::builder::RangedU64ValueParser;
 use quadlift::run::Check;
+use quadlift::scene::Scene;
 use quadlift_io::diagnosis::DiagnosisRecord;
 use quadlift_io::guard::check_not_read;
 use quadlift_io::scene_file::SceneImages;
@@ -20,18 +21,19 @@ use crate::corrections::{Corrections, corrected_in_words, read_input};
 use crate::diagnosis::tell;
 use crate::error::{Outcome, usage};
 use crate::files::{Inputs, check_result_name, make_folder, outputs};
+use crate::labels::Labels;
 use crate::next::Next;
 use crate::options::{Chosen, Segment};
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
 use crate::report::{Gathered, check_report};
 use crate::segmentation::segment_scene;
-use crate::table::{Cell, Table, number};
+use crate::table::{Cell, MOST_ROWS, Table, number, rest};
 use crate::threads;
 use crate::words::{count, duration};
 
-/// Segment the detected objects in their images and fit ellipses to the masks
+/// Segment the detected objects in their images
 ///
-/// The crops of an object from all its frames are segmented jointly. The result is the same scene with an `ellipse`, a
+/// Fits ellipses to the masks. The crops of an object from all its frames are segmented jointly. The result is the same scene with an `ellipse`, a
 /// `mask` and a `segmentation` (method, status and confidence) in each detection, as input for `localize`.
 #[derive(clap::Args)]
 #[command(
@@ -166,7 +168,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         .chain(["-o objects.json --report objects.html".into()]);
     let next = Next::default().command(words, "localize the objects from boxes and ellipses");
     let of_video = of_video.map_or_else(String::new, |note| format!("note: {}\n", one_line(&note)));
-    out.report(&(report(args, &segmentation, notes) + &of_video + &next.text()))?;
+    out.report(&(report(args, scene, &segmentation, notes) + &of_video + &next.text()))?;
     out.document(&json!({
         "scene": title,
         "output": args.output.display().to_string(),
@@ -260,10 +262,10 @@ impl Summary {
         })
     }
 
-    fn cells(&self) -> Vec<Cell> {
+    fn cells(&self, labels: &Labels) -> Vec<Cell> {
         let some = |n: usize, style| if n == 0 { Cell::from("0") } else { Cell::styled(n.to_string(), style) };
         vec![
-            Cell::from(self.object.as_deref().unwrap_or("(no object id)")),
+            Cell::from(self.object.as_deref().map_or("(no object id)", |id| labels.of(id))),
             Cell::from(self.detections.to_string()),
             some(self.ok, GOOD),
             some(self.fell_back, WARNING),
@@ -275,7 +277,7 @@ impl Summary {
     }
 }
 
-fn report(args: &Args, segmentation: &Segmentation, notes: &[String]) -> String {
+fn report(args: &Args, scene: &Scene, segmentation: &Segmentation, notes: &[String]) -> String {
     let summaries: Vec<Summary> = segmentation.groups.iter().map(|group| Summary::of(group, segmentation)).collect();
     let total = |f: fn(&Summary) -> usize| summaries.iter().map(f).sum::<usize>();
     let mut table = Table::new([
@@ -288,7 +290,8 @@ fn report(args: &Args, segmentation: &Segmentation, notes: &[String]) -> String 
         "touch others",
         "confidence",
     ]);
-    summaries.iter().for_each(|summary| table.push(summary.cells()));
+    let labels = Labels::of_scene(scene);
+    summaries.iter().take(MOST_ROWS).for_each(|summary| table.push(summary.cells(&labels)));
     let mut text = format!(
         "{HEADING}{}{HEADING:#}: {} of {} segmented ({})\n{}\n{}",
         one_line(&args.scene.display().to_string()),
@@ -296,7 +299,7 @@ fn report(args: &Args, segmentation: &Segmentation, notes: &[String]) -> String 
         count(total(|s| s.detections), "detection"),
         args.method.name(),
         corrected_in_words(notes),
-        table.render()
+        table.render() + &rest(summaries.len(), "object", "--json lists all")
     );
     let fell_back = total(|s| s.fell_back);
     if fell_back > 0 {

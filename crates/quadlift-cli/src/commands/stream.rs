@@ -4,6 +4,7 @@ mod map_file;
 mod rerun;
 mod session;
 mod source;
+mod words;
 
 use std::path::{Path, PathBuf};
 
@@ -36,7 +37,8 @@ use source::Source;
 /// Update an object map frame by frame
 ///
 /// Reads posed frames with their detections as JSON Lines, or replays a scene, and writes a line of events for each frame:
-/// which object each detection belongs to, and which objects are new, confirmed, merged, gone or back.
+/// which object each detection belongs to, and which objects are new, confirmed, merged, gone or back. On a terminal the
+/// lines are text; --json prints JSON Lines there too.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,

@@ -147,22 +147,30 @@ fn damaged_depth_images_are_named() {
     let truth = read_scene_file(&folder.path("truth.json")).unwrap().to_scene().unwrap();
     let size = truth.frames[0].image_size.unwrap();
     let (width, height) = (size.x as u32 / COARSE, size.y as u32 / COARSE);
+    // Larger than the camera, and only a header: the size alone is enough.
+    let mut large = Vec::new();
+    ImageBuffer::<Luma<u16>, Vec<u16>>::new(2 * size.x as u32, 2 * size.y as u32)
+        .write_to(&mut std::io::Cursor::new(&mut large), image::ImageFormat::Png)
+        .unwrap();
+    folder.write("depth/large.png", &large[..64]);
     GrayImage::new(width, height).save(folder.path("depth/gray.png")).unwrap();
     RgbImage::new(width, height).save(folder.path("depth/color.png")).unwrap();
     ImageBuffer::<Luma<u16>, Vec<u16>>::new(width, height).save(folder.path("depth/zero.png")).unwrap();
-    let told: Vec<String> = ["missing.png", "cut.png", "text.png", "gray.png", "color.png", "flat.png", "zero.png"]
-        .iter()
-        .map(|name| {
-            let (code, line) = message(&folder, &scene, at(name));
-            format!("{name} {code}: {line}")
-        })
-        .chain([json!({"path": "depth/0.png"}), json!({"path": "depth/0.png", "scale": -1}), json!("depth/0.png")].map(
-            |depth| {
-                let (code, line) = message(&folder, &scene, depth.clone());
-                format!("{depth} {code}: {line}")
-            },
-        ))
-        .collect();
+    let told: Vec<String> =
+        ["missing.png", "cut.png", "text.png", "gray.png", "color.png", "flat.png", "large.png", "zero.png"]
+            .iter()
+            .map(|name| {
+                let (code, line) = message(&folder, &scene, at(name));
+                format!("{name} {code}: {line}")
+            })
+            .chain(
+                [json!({"path": "depth/0.png"}), json!({"path": "depth/0.png", "scale": -1}), json!("depth/0.png")]
+                    .map(|depth| {
+                        let (code, line) = message(&folder, &scene, depth.clone());
+                        format!("{depth} {code}: {line}")
+                    }),
+            )
+            .collect();
     insta::assert_snapshot!(told.join("\n"), @r#"
 missing.png 1: error: depth/missing.png: there is no such file
 cut.png 1: error: depth/cut.png: the PNG image is damaged or cut off (unexpected end of file)
@@ -170,6 +178,7 @@ text.png 1: error: depth/text.png: this is not an image: expected PNG or JPEG
 gray.png 1: error: depth/gray.png: the image is in greyscale with 8 bits; expected a depth image in greyscale with 16 bits
 color.png 1: error: depth/color.png: the image is in color with 8 bits; expected a depth image in greyscale with 16 bits
 flat.png 1: error: depth/flat.png: the depth image has 160 x 60 pixels; the camera of frame "000000" has 1280 x 960: expected as many, or both sides smaller by one factor
+large.png 1: error: depth/large.png: the depth image has 2560 x 1920 pixels; the camera of frame "000000" has 1280 x 960: expected as many, or both sides smaller by one factor
 zero.png 1: warning: damaged.json: no pixel of a detection has a depth in the depth images; expected counts above 0
 {"path":"depth/0.png"} 1: error: damaged.json:164:7: frames[0].depth: missing field `scale` ("depth": of a detection {"median": number, "sd": number, "source": "..."}, of a frame {"path": "...", "scale": world units of one count})
 {"path":"depth/0.png","scale":-1} 1: error: damaged.json: frames[0].depth.scale: found -1; expected a positive number, the world units of one count

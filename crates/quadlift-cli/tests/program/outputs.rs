@@ -119,6 +119,120 @@ fn a_demo_does_not_overwrite_files() {
     let run = folder.run("demo --out d");
     assert!(run.code == 1 && run.stderr.contains("d/scene.json exists already"), "{}", run.stderr);
     assert_eq!(folder.read("d/scene.json"), "mine");
+    assert_eq!(std::fs::read_dir(folder.path("d")).unwrap().count(), 1);
+}
+
+#[test]
+fn image_paths_lead_to_the_images_from_wherever_the_result_is() {
+    let folder = Folder::new();
+    folder.succeed(
+        "synth --render -o in/scene.json --objects 3 --views 4 --image-size 160x120 --kinds ellipsoid --seed 3",
+    );
+    folder.succeed("synth -o in/hall.json --walkers 2 --cameras 4 --instants 40 --noise box:0.03 --seed 1");
+    let mut hall = folder.json("in/hall.json");
+    hall["frames"][0]["image"] = json!("images/000000.jpg");
+    folder.write_json("in/hall.json", &hall);
+    folder.succeed("localize in/scene.json -o in/map.json --body ellipsoid");
+    let mut query = folder.json("in/scene.json");
+    query["frames"][0].as_object_mut().unwrap().remove("cam_from_world");
+    folder.write_json("in/query.json", &query);
+    std::fs::create_dir_all(folder.path("far/away")).unwrap();
+    folder.succeed("demo --out in/desk");
+    for (command, images) in [
+        ("localize in/scene.json -o", "in/images"),
+        ("associate in/scene.json --ids ignore --min-views 2 -o", "in/images"),
+        ("stream in/scene.json --map", "in/images"),
+        ("locate in/map.json in/query.json -o", "in/images"),
+        ("calibrate in/hall.json -o", "in/images"),
+        ("align in/desk/estimate.json in/desk/estimate.json -o", "in/desk/images"),
+    ] {
+        // Aligning takes long.
+        let targets = ["far/away/result.json", "in/result.json", "result.json"];
+        for to in &targets[..if command.starts_with("align") { 1 } else { 3 }] {
+            let run = folder.run(&format!("{command} {to}"));
+            assert!(folder.path(to).exists(), "{command} {to}: {}", run.stderr);
+            let result = folder.json(to);
+            let image = result["frames"][0]["image"].as_str().unwrap();
+            let found = folder.path(to).parent().unwrap().join(image).parent().unwrap().canonicalize().unwrap();
+            assert_eq!(found, folder.path(images).canonicalize().unwrap(), "{command} {to}: {image}");
+            std::fs::remove_file(folder.path(to)).unwrap();
+        }
+    }
+    // The result of another folder shows its images.
+    folder.succeed("localize in/scene.json -o far/away/result.json --body ellipsoid");
+    folder.succeed("render far/away/result.json --frame 000001 -o picture.png");
+    let report: serde_json::Value =
+        serde_json::from_str(&folder.succeed("render far/away/result.json --frame 000001 -o picture.png --json"))
+            .unwrap();
+    assert_eq!(report["image"], true, "{report}");
+}
+
+#[test]
+fn a_reader_that_has_seen_enough_is_no_error() {
+    let folder = with_result();
+    for arguments in [
+        "synth -o -",
+        "localize scene.json -o -",
+        "associate scene.json --ids ignore -o -",
+        "export csv result.json -o -",
+        "localize scene.json",
+        "localize scene.json --json",
+        "info scene.json",
+        "stream scene.json",
+        "evaluate result.json result.json --json",
+        "localize --help",
+        "completions zsh",
+        "man localize",
+    ] {
+        let mut command = program(&folder);
+        command.args(arguments.split(' ')).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        drop(child.stdout.take());
+        let output = child.wait_with_output().unwrap();
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert!(
+            output.status.code() == Some(0) && !told.lines().any(|line| line.starts_with("error")),
+            "{arguments}: {told}"
+        );
+    }
+}
+
+/// `script` of util-linux makes a terminal.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_stream_is_text_on_a_terminal() {
+    let folder = with_result();
+    let printed = |options: &str| {
+        let command = format!("{} stream scene.json {options}", env!("CARGO_BIN_EXE_quadlift"));
+        let mut script = Command::new("script");
+        let script = script.args(["-qec", &command, "/dev/null"]).current_dir(folder.path("")).stdin(Stdio::null());
+        String::from_utf8(script.output().unwrap().stdout).unwrap()
+    };
+    let text = printed("");
+    assert!(text.contains("frame 000003: ") && text.contains("; confirmed object_") && !text.contains('{'), "{text}");
+    assert!(printed("--json").contains(r#"{"frame":"000003""#), "{}", printed("--json"));
+    assert!(folder.succeed("stream scene.json").contains(r#"{"frame":"000003""#));
+}
+
+#[test]
+fn a_scene_is_read_from_the_standard_input() {
+    let folder = with_result();
+    for arguments in ["localize - -o piped.json", "localize - -o piped.json --report page.html"] {
+        let mut command = program(&folder);
+        let scene = File::open(folder.path("scene.json")).unwrap();
+        let output = command.args(arguments.split(' ')).stdin(scene).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert_eq!(folder.read("piped.json"), folder.read("result.json"));
+    }
+    let scene = folder.read("scene.json");
+    let run = folder.command().args(["localize", "-", "--json"]).write_stdin(scene.clone()).output().unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let run = folder.command().args(["info", "-"]).write_stdin(&scene[..scene.len() / 2]).output().unwrap();
+    assert!(run.status.code() == Some(1) && String::from_utf8_lossy(&run.stderr).starts_with("error: -:"));
+    // The scene itself is not overwritten.
+    let scene = File::open(folder.path("scene.json")).unwrap();
+    let output = program(&folder).args(["localize", "-", "-o", "scene.json"]).stdin(scene).output().unwrap();
+    assert!(!output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
 }
 
 /// A scene whose export takes a while: its images are written one after the other into a temporary folder.

@@ -205,7 +205,7 @@ fn one_source_is_segmented() {
     }
     folder.write_json("scene.json", &scene);
     let run = folder.run("segment scene.json -o out.json");
-    assert!(run.code == 1 && run.stderr.contains("--source NAME"), "{}", run.stderr);
+    assert!(run.code == 1 && run.stderr.contains("--source SOURCE"), "{}", run.stderr);
     folder.succeed("segment scene.json -o out.json --source yolo");
     let result = detections(&folder, "out.json");
     assert!(result[3]["ellipse"].is_object());

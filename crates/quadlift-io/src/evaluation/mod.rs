@@ -18,7 +18,7 @@ use crate::scene_file::{ObjectBodies, SceneFile};
 
 pub use scores::{COLUMNS, Column, Unit, failures_in_words, found_record, scores_record};
 
-/// Minimum volume IoU of a true object with an estimate to count as found.
+/// Minimum volume IoU of a true object with an estimate that is `ok` to count as found.
 pub const LEAST_IOU: f64 = 0.25;
 
 /// How estimates and true objects are paired.
@@ -90,7 +90,10 @@ pub fn evaluate_objects(
         Matching::Auto if !any_common => evaluate_by_overlap(&estimated, &true_objects, &projections),
         Matching::Auto | Matching::Ids => evaluate(&estimated, &true_objects, &projections),
     };
-    let found: Vec<Option<Ellipsoid>> = estimated.iter().map(|object| object.ellipsoid).collect();
+    // An unreliable estimate finds nothing: `localize` does not count it either.
+    let is_ok = |object: &EstimatedObject| object.status.is_empty() || object.status == Status::Ok.name();
+    let found: Vec<Option<Ellipsoid>> =
+        estimated.iter().filter(|object| is_ok(object)).map(|object| object.ellipsoid).collect();
     let bodies: Vec<Ellipsoid> = true_objects.iter().filter_map(TruthObject::ellipsoid).collect();
     Ok((evaluation, score_found(&found, &bodies, LEAST_IOU)))
 }

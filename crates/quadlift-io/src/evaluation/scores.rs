@@ -58,7 +58,13 @@ pub const COLUMNS: [Column; 9] = [
         of: |o| o.cuboid_iou3d_enclosing,
         mean: |m| m.cuboid_iou3d_enclosing,
     },
-    Column { name: "theta_err", title: "axis [deg]", unit: Unit::Degrees, of: |o| o.theta_err, mean: |m| m.theta_err },
+    Column {
+        name: "axis_error",
+        title: "axis [deg]",
+        unit: Unit::Degrees,
+        of: |o| o.axis_error,
+        mean: |m| m.axis_error,
+    },
     Column {
         name: "center_error",
         title: "center",
@@ -94,12 +100,14 @@ pub fn scores_record(evaluation: &Evaluation) -> Value {
         for column in &COLUMNS {
             scores.insert(column.name.to_owned(), json!((column.of)(o)));
         }
+        scores.insert("theta_err".to_owned(), json!(o.theta_err));
         scores.insert("rotation_error".to_owned(), json!(o.rotation_error));
         Value::Object(scores)
     };
     let mean = |mean: Option<Mean>| mean.map(|mean| json!({ "value": mean.value, "objects": mean.count }));
     let mut means: Map<String, Value> =
         COLUMNS.iter().map(|column| (column.name.to_owned(), json!(mean((column.mean)(&evaluation.mean))))).collect();
+    means.insert("theta_err".to_owned(), json!(mean(evaluation.mean.theta_err)));
     means.insert("rotation_error".to_owned(), json!(mean(evaluation.mean.rotation_error)));
     json!({
         "objects": evaluation.objects.iter().map(object).collect::<Vec<_>>(),

@@ -141,7 +141,7 @@ pub const READ: &[Read] = &[
     Read::new(
         "image_size",
         "WxH",
-        "Width and height of the images in pixels, if the files do not contain them",
+        "Width and height of the images in pixels, such as 640x480, if the files do not contain them",
         |o, text| {
             o.image_size = Some(image_size(text)?);
             Ok(())
@@ -159,11 +159,16 @@ pub const READ: &[Read] = &[
         "KITTI: the sequence, such as 0001 (default: that of the detections); nuScenes: the scene, such as scene-0061",
         |o, text| name(&mut o.sequence, text),
     ),
-    Read::new("frames", "FIRST-LAST", "KITTI: first and last frame, from 0 (default: all)", |o, text| {
-        let range = text.split_once('-').and_then(|(a, b)| Some(a.trim().parse().ok()?..=b.trim().parse().ok()?));
-        o.frames = range.filter(|range| !range.is_empty());
-        o.frames.as_ref().map(|_| ()).ok_or_else(|| "expected FIRST-LAST, such as 90-106".to_owned())
-    }),
+    Read::new(
+        "frames",
+        "FIRST-LAST",
+        "KITTI: first and last frame, from 0, such as 90-106 (default: all)",
+        |o, text| {
+            let range = text.split_once('-').and_then(|(a, b)| Some(a.trim().parse().ok()?..=b.trim().parse().ok()?));
+            o.frames = range.filter(|range| !range.is_empty());
+            o.frames.as_ref().map(|_| ()).ok_or_else(|| "expected FIRST-LAST, such as 90-106".to_owned())
+        },
+    ),
     Read::new(
         "intrinsics",
         "FILE",

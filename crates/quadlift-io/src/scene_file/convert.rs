@@ -140,8 +140,12 @@ impl SceneFile {
                 .flatten()
                 .collect();
                 let given = if given.is_empty() { "none of them".to_owned() } else { given.join(" and ") };
+                let hint = match (camera, pose, projection) {
+                    (Some(_), None, None) => "; `quadlift locate` finds the poses of images in a map of objects",
+                    _ => "",
+                };
                 let problem =
-                    format!("expected \"camera\" and \"cam_from_world\", or \"projection\" alone; found {given}");
+                    format!("expected \"camera\" and \"cam_from_world\", or \"projection\" alone; found {given}{hint}");
                 Err(EntryError::new(entry(""), problem))
             }
         }

@@ -193,7 +193,7 @@ fn check_size(scene: &Scene, frame_index: usize, [width, height]: [u32; 2]) -> R
     let frame = &scene.frames[frame_index];
     let Some(size) = frame.image_size else { return Ok(()) };
     let [wanted, found] = [size.y / size.x * f64::from(width), f64::from(height)];
-    if (wanted - found).abs() <= 1.0 {
+    if (wanted - found).abs() <= 1.0 && f64::from(width) <= size.x.ceil() {
         return Ok(());
     }
     Err(format!(

@@ -1,8 +1,18 @@
 //! Center, orientation and size of ellipsoids against the truth.
 
+use std::f64::consts::FRAC_PI_2;
+
 use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 
 use crate::geometry::Ellipsoid;
+
+/// Maximum ratio of two semi-axes of a body that counts as round about the third: any direction
+/// between the two is as good as theirs.
+const MAX_ROUND_RATIO: f64 = 1.1;
+
+/// Maximum ratio of two semi-axes that may be exchanged: small errors of their lengths decide which
+/// one is the longer.
+const MAX_EXCHANGEABLE_RATIO: f64 = 1.2;
 
 /// Distance between two centers, in world units.
 pub fn center_error(estimate: &Point3<f64>, truth: &Point3<f64>) -> f64 {
@@ -16,6 +26,32 @@ pub fn main_axis_angle(a: &Ellipsoid, b: &Ellipsoid) -> f64 {
     let axis = |e: &Ellipsoid| e.rotation.matrix().column(e.semi_axes.imax()).into_owned();
     let (u, v) = (axis(a), axis(b));
     u.cross(&v).norm().atan2(u.dot(&v).abs())
+}
+
+/// Angle of the estimate's longest axis to an axis of the truth that may be meant by it, in
+/// [0, pi/2] radians: the axis error modulo the symmetry of the true body.
+///
+/// That is the longest axis, or one that is nearly as long (an axis of a screen of 0.38 by 0.35 may
+/// be named otherwise). About as long axes span a plane in which any direction counts; of a ball no
+/// direction is known, and the result is `None`.
+pub fn axis_error(estimate: &Ellipsoid, truth: &Ellipsoid) -> Option<f64> {
+    let longest = estimate.rotation.matrix().column(estimate.semi_axes.imax()).into_owned();
+    let order = descending(truth);
+    let [long, middle, short] = order.map(|axis| truth.semi_axes[axis]);
+    let [first, second, third] = order.map(|axis| truth.rotation.matrix().column(axis).into_owned());
+    let to_line = |axis: &Vector3<f64>| longest.cross(axis).norm().atan2(longest.dot(axis).abs());
+    let to_plane = |normal: &Vector3<f64>| FRAC_PI_2 - to_line(normal);
+    if long <= MAX_ROUND_RATIO * short {
+        return None;
+    }
+    let mut error = if long <= MAX_ROUND_RATIO * middle { to_plane(&third) } else { to_line(&first) };
+    if long <= MAX_EXCHANGEABLE_RATIO * middle {
+        error = error.min(to_line(&second));
+    }
+    if long <= MAX_EXCHANGEABLE_RATIO * short {
+        error = error.min(to_line(&third));
+    }
+    Some(error)
 }
 
 /// The smallest angle of a rotation from the axes of `a` to those of `b`, in [0, 2 pi / 3] radians.
@@ -59,7 +95,7 @@ fn sorted_rotation(e: &Ellipsoid) -> Rotation3<f64> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use std::f64::consts::{FRAC_PI_2, PI};
+    use std::f64::consts::PI;
 
     fn ellipsoid(semi_axes: [f64; 3], rotation: Rotation3<f64>) -> Ellipsoid {
         Ellipsoid { center: Point3::origin(), semi_axes: Vector3::from(semi_axes), rotation }
@@ -95,6 +131,25 @@ mod tests {
             let error = rotation_error_modulo_symmetry(&renamed, &truth);
             assert!((error - turn.angle()).abs() < 1e-9, "{order:?}: {error} {}", turn.angle());
         }
+    }
+
+    #[test]
+    fn axes_of_about_one_length_may_be_named_otherwise() {
+        let truth = |semi_axes| ellipsoid(semi_axes, Rotation3::identity());
+        let turned = |angle: f64| Rotation3::from_axis_angle(&Vector3::z_axis(), angle);
+        let error =
+            |semi_axes: [f64; 3], angle: f64| axis_error(&ellipsoid([3.0, 2.0, 1.0], turned(angle)), &truth(semi_axes));
+        let close = |found: Option<f64>, expected: f64| assert!((found.unwrap() - expected).abs() < 1e-9, "{found:?}");
+        // Three different axes: the angle between the longest.
+        close(error([3.0, 2.0, 1.0], FRAC_PI_2 - 0.01), FRAC_PI_2 - 0.01);
+        // Nearly a square: the other axis is as good, but not the diagonal.
+        close(error([1.15, 1.0, 0.2], FRAC_PI_2 - 0.01), 0.01);
+        close(error([1.15, 1.0, 0.2], 0.7), 0.7);
+        // A plate and a cylinder are round: only the axis of the plate counts.
+        close(error([1.0, 1.0, 0.2], 0.7), 0.0);
+        close(error([0.2, 1.0, 1.0], 0.3), FRAC_PI_2 - 0.3);
+        close(error([0.5, 0.5, 3.0], 0.3), FRAC_PI_2);
+        assert_eq!(error([1.0, 1.05, 0.97], 0.7), None);
     }
 
     #[test]

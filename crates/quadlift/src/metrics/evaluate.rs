@@ -6,8 +6,8 @@ use super::scores::{
     EstimatedObject, Evaluation, Mean, MeanScore, ObjectScore, PairedBy, ReprojectionScore, TruthObject,
 };
 use super::{
-    box_reprojection_iou, center_error, ellipse_reprojection_iou, iou3d_cuboids, iou3d_ellipsoids, main_axis_angle,
-    pair_by_overlap, rotation_error_modulo_symmetry, sorted_axes_error,
+    axis_error, box_reprojection_iou, center_error, ellipse_reprojection_iou, iou3d_cuboids, iou3d_ellipsoids,
+    main_axis_angle, pair_by_overlap, rotation_error_modulo_symmetry, sorted_axes_error,
 };
 use crate::geometry::{Cuboid, Ellipsoid, Projection};
 
@@ -106,8 +106,12 @@ fn score(
         has_body: !(no_ellipsoid && no_cuboid),
         iou3d: iou_of_ellipsoids(found, true),
         iou3d_enclosing: iou_of_ellipsoids(enclosing, reported.enclosing_ellipsoids && no_ellipsoid),
-        cuboid_iou3d: iou_of_cuboids(estimate.cuboid, reported.cuboids),
-        cuboid_iou3d_enclosing: iou_of_cuboids(estimate.enclosing_cuboid, reported.enclosing_cuboids && no_cuboid),
+        cuboid_iou3d: iou_of_cuboids(estimate.cuboid, reported.cuboids && no_ellipsoid),
+        cuboid_iou3d_enclosing: iou_of_cuboids(
+            estimate.enclosing_cuboid,
+            reported.enclosing_cuboids && no_cuboid && no_ellipsoid,
+        ),
+        axis_error: ellipsoids.and_then(|(e, t)| axis_error(&e, &t)),
         theta_err: ellipsoids.map(|(e, t)| main_axis_angle(&e, &t)),
         rotation_error: ellipsoids.map(|(e, t)| rotation_error_modulo_symmetry(&e, &t)),
         center_error: center.zip(true_ellipsoid).map(|(c, t)| center_error(&c, &t.center)),
@@ -156,6 +160,7 @@ fn mean_score(objects: &[ObjectScore]) -> MeanScore {
         iou3d_enclosing: mean(|o| o.iou3d_enclosing),
         cuboid_iou3d: mean(|o| o.cuboid_iou3d),
         cuboid_iou3d_enclosing: mean(|o| o.cuboid_iou3d_enclosing),
+        axis_error: mean(|o| o.axis_error),
         theta_err: mean(|o| o.theta_err),
         rotation_error: mean(|o| o.rotation_error),
         center_error: mean(|o| o.center_error),
@@ -230,11 +235,14 @@ mod tests {
     #[test]
     fn cuboids_are_compared_where_they_are_reported() {
         let with_cuboid = |id: &str| EstimatedObject { cuboid: Some(cuboid(0.0).scaled(0.5)), ..estimate(id, 0.5) };
-        let result = evaluate(&[with_cuboid("a"), estimate("b", 1.0)], &[truth("a"), truth("b")], &[]);
+        let objects = [truth("a"), truth("b"), truth("c")];
+        let result = evaluate(&[with_cuboid("a"), estimate("b", 1.0)], &objects, &[]);
         assert!((result.objects[0].cuboid_iou3d.unwrap() - 0.125).abs() < 1e-9);
-        assert_eq!(result.objects[1].cuboid_iou3d, Some(0.0));
+        // A body of another kind has no cuboid; no body at all is a failure.
+        assert_eq!(result.objects[1].cuboid_iou3d, None);
+        assert_eq!((result.objects[2].cuboid_iou3d, result.mean.cuboid_iou3d.unwrap().count), (Some(0.0), 2));
         assert_eq!(result.objects[0].cuboid_iou3d_enclosing, None);
-        assert_eq!((result.failures, result.objects[0].reprojection), (0, None));
+        assert_eq!((result.failures, result.objects[0].reprojection), (1, None));
         // A truth of cuboids only: the inscribed ellipsoid stands for it.
         let only_cuboid = TruthObject { ellipsoid: None, ..truth("a") };
         let result = evaluate(&[estimate("a", 0.5)], &[only_cuboid], &[]);

@@ -19,7 +19,7 @@ mod scores;
 mod squared_errors;
 
 pub use association::{DivisionScore, FoundScore, pairwise_clustering_scores, score_found};
-pub use axes::{center_error, main_axis_angle, rotation_error_modulo_symmetry, sorted_axes_error};
+pub use axes::{axis_error, center_error, main_axis_angle, rotation_error_modulo_symmetry, sorted_axes_error};
 pub use calibration::{Calibration, RegionPart};
 pub use evaluate::{evaluate, evaluate_by_overlap};
 pub use iou_bodies::iou3d_bodies;

@@ -53,10 +53,13 @@ pub struct ObjectScore {
     /// Volume IoU with the enclosing ellipsoid; 0 without an estimated ellipsoid, absent when the estimator reports
     /// no enclosing bodies.
     pub iou3d_enclosing: Option<f64>,
-    /// Volume IoU of the cuboids; 0 without an estimated cuboid, absent when the estimator reports no cuboids.
+    /// Volume IoU of the cuboids; 0 without any estimated body, absent for a body of another kind.
     pub cuboid_iou3d: Option<f64>,
     /// Volume IoU with the enclosing cuboid, likewise.
     pub cuboid_iou3d_enclosing: Option<f64>,
+    /// Angle between the longest axes modulo the symmetry of the true body, radians in [0, pi/2] (see
+    /// [`axis_error`](super::axis_error)); absent for a ball.
+    pub axis_error: Option<f64>,
     /// Angle between the longest axes of the ellipsoids, radians in [0, pi/2] (theta_err of the paper).
     pub theta_err: Option<f64>,
     /// Angle between the axes of the ellipsoids, radians (see [`rotation_error_modulo_symmetry`](super::rotation_error_modulo_symmetry)).
@@ -100,6 +103,8 @@ pub struct MeanScore {
     pub cuboid_iou3d: Option<Mean>,
     /// Volume IoU with the enclosing cuboid, failures with 0.
     pub cuboid_iou3d_enclosing: Option<Mean>,
+    /// Angle between the longest axes modulo symmetry, radians.
+    pub axis_error: Option<Mean>,
     /// Angle between the longest axes, radians.
     pub theta_err: Option<Mean>,
     /// Angle between the axes, radians.

@@ -207,7 +207,7 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "camera_height",
         kind: Kind::Number(Range::Positive),
-        help: "Height of the cameras above the ground plane in world units, if known",
+        help: "Height of the cameras above the ground plane in world units, if known, such as 1.5",
         group: KNOWLEDGE,
         only: OF_MAP,
         get: |o| of_map(o, |map| map.camera_height),
@@ -245,7 +245,7 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "pose_noise",
         kind: Kind::Numbers(&["RAD", "LENGTH"]),
-        help: "Correct the poses: standard deviations of the rotation (radians) and shift (world units) of each frame",
+        help: "Correct the poses: standard deviations of the rotation (radians) and shift (world units) of each frame, such as 0.01,0.05",
         group: KNOWLEDGE,
         of: MAPS,
         only: OF_MAP,

@@ -14,6 +14,8 @@ use serde_json::{Value, json};
 use super::{Args, Map};
 use crate::diagnosis::tell;
 use crate::error::{InconsistentError, Outcome};
+use crate::files::move_paths;
+use crate::labels::Labels;
 use crate::localization::{file_options, run_scene};
 use crate::output::{Output, one_line};
 use crate::words::count;
@@ -68,8 +70,11 @@ pub fn write(
         "at_one_place": record["at_one_place"],
     });
     merged.file.extra.insert(ALIGNMENT.to_owned(), record);
+    move_paths(&mut merged.file, &args.a, output)?;
     write_scene_file(output, &merged.file)?;
+    let labels = Labels::of_file(&merged.file);
     for [p, q] in &twice {
+        let [p, q] = [labels.of(p), labels.of(q)];
         out.warning(&one_line(&format!("{p} and {q} have one category and lie at one place, but are not merged")));
     }
     let (frames, objects) = (merged.renamed_frames.len(), merged.renamed_objects.len());

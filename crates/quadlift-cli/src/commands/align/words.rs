@@ -4,14 +4,12 @@ use quadlift::align::{AlignOptions, AlignStatus, Alignment, Ambiguity, MapTransf
 use quadlift_io::align::{Contradiction, MapObjects};
 
 use super::{Args, Map};
-use crate::table::{Cell, Table};
+use crate::labels::Labels;
+use crate::table::{Cell, MOST_ROWS, Table, rest};
 use crate::words::{count, with_unit};
 
 /// Difference of the evidence of transforms that are a hundred times less probable.
 const CLEAR: f64 = 4.605;
-
-/// Maximum number of rows of a table, as of estimates.
-const MOST_ROWS: usize = 10_000;
 
 /// What was assumed, a line.
 pub fn assumptions(args: &Args, [a, b]: [&Map; 2], options: &AlignOptions) -> String {
@@ -121,19 +119,19 @@ pub fn aligned(title: &str, best: &MapTransform, [a, b]: [&Map; 2], options: &Al
         None => format!("{:.5} (sd {:.5})", to.scale, to.scale * log_scale_sd),
     };
     let mut table = Table::new(["<object of A", "<object of B", "<category", &with_unit("distance", unit)]);
+    let [labels_a, labels_b] = [a, b].map(|map| Labels::of_file(&map.file));
     for &(i, j) in best.matches.iter().take(MOST_ROWS) {
         let (p, q) = (&a.objects.objects[i], &b.objects.objects[j]);
         let distance = (p.ellipsoid.center - to.point(&q.ellipsoid.center)).norm();
         let category = p.category.as_deref().or(q.category.as_deref()).unwrap_or("-");
         table.push(vec![
-            Cell::from(&a.objects.ids[i]),
-            Cell::from(&b.objects.ids[j]),
-            Cell::from(category),
+            Cell::from(labels_a.of(&a.objects.ids[i])),
+            Cell::from(labels_b.of(&b.objects.ids[j])),
+            Cell::from(labels_a.category(&a.objects.ids[i], Some(category))),
             Cell::from(format!("{distance:.2e}")),
         ]);
     }
-    let more = best.matches.len().saturating_sub(MOST_ROWS);
-    let rest = if more == 0 { String::new() } else { format!("and {more} more\n") };
+    let rest = rest(best.matches.len(), "pair", "--json lists all");
     format!(
         "{title}: aligned by {} of {} and {}\n{about}\nscale        {scale}\nrotation     {:.3} deg (sd {:.3})\n{:<12} {x:.4} {y:.4} {z:.4} (sd {position_sd:.1e} in the \
          middle of the objects)\nevidence     {:.1}\n\n{}{rest}",

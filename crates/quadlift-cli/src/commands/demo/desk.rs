@@ -60,6 +60,12 @@ struct Shown {
     outliers: Vec<usize>,
 }
 
+/// Whether a folder is that of an earlier demo: its scene is the demo's.
+pub fn is_of_demo(folder: &Path) -> bool {
+    let scene = OTHERS.iter().find(|(name, _)| *name == SCENE);
+    scene.is_some_and(|(name, bytes)| std::fs::read(folder.join(name)).is_ok_and(|found| found == *bytes))
+}
+
 /// The names of all files that [`Desk::write`] writes.
 pub fn names() -> impl Iterator<Item = &'static str> {
     OTHERS.iter().chain(FRAMES.iter().flatten()).map(|(name, _)| *name).chain([WRONG])

@@ -8,6 +8,7 @@ use quadlift_io::scene_file::{ObjectBodies, ObjectRecord};
 use serde_json::{Value, json};
 
 use super::desk::Desk;
+use crate::labels::Labels;
 use crate::output::DIM;
 use crate::table::{Cell, Table, number};
 
@@ -99,27 +100,23 @@ impl<'a> Findings<'a> {
 
     /// One row per object: category, number of views, size, uncertainty and error.
     pub fn table(&self) -> String {
-        let mut table = Table::new(["<object", "views", "size [cm]", "center sd", "center error"]);
-        let millimeters =
-            |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| format!("{} mm", number(Some(1e3 * x), 0)));
+        let mut table = Table::new(["<object", "views", "size [m]", "sd of center [m]", "error of center [m]"]);
+        let labels = Labels::of_file(self.result);
         for (object, body, thing) in self.localized() {
-            let category = object.category.as_deref().unwrap_or("object");
-            let name = object.id.trim_start_matches("object_").trim_start_matches('0');
-            let name = format!("{category} {}", if name.is_empty() { "0" } else { name });
             let views = object.views_used.unwrap_or(0);
             let sizes = body.map(|body| {
-                let mut sizes: [f64; 3] = (body.half_extents() * 200.0).into();
+                let mut sizes: [f64; 3] = (body.half_extents() * 2.0).into();
                 sizes.sort_by(|a, b| b.total_cmp(a));
-                sizes.map(|x| number(Some(x), 1)).join(" x ")
+                sizes.map(|x| number(Some(x), 3)).join(" x ")
             });
             let off = self.off(object, thing);
             table.push(vec![
-                Cell::from(name),
+                Cell::from(labels.of(&object.id)),
                 Cell::from(views.to_string()),
                 Cell::from(sizes.unwrap_or_default()),
-                Cell::from(millimeters(object.center_sd)),
+                Cell::from(number(object.center_sd, 3)),
                 match off {
-                    Some(_) => Cell::from(millimeters(off)),
+                    Some(_) => Cell::from(number(off, 3)),
                     None => Cell::styled("no true object", DIM),
                 },
             ]);

@@ -28,9 +28,9 @@ const ESTIMATE: &str = "estimate.json";
 const PAGE: &str = "report.html";
 const MENDED: &str = "mended.json";
 
-/// Localize the objects on a rendered desk; needs no files
+/// Localize the objects on a rendered desk
 ///
-/// The images are rendered, so the true objects are known. The boxes come from a simulated detector: they have
+/// Needs no files. /// The images are rendered, so the true objects are known. The boxes come from a simulated detector: they have
 /// categories but no object ids, and some are wrong or false positives. A second part runs the self-check on the same
 /// boxes with wrong camera poses.
 #[derive(clap::Args)]
@@ -54,13 +54,9 @@ Next:
   quadlift view quadlift-demo/scene.json quadlift-demo/estimate.json"
 )]
 pub struct Args {
-    /// Output folder; it is created if it does not exist
+    /// Output folder; it is created if it does not exist, and the files of an earlier demo in it are overwritten
     #[arg(long, value_name = "DIR", default_value = "quadlift-demo")]
     out: PathBuf,
-
-    /// Overwrite the files of an earlier demo in DIR
-    #[arg(long)]
-    overwrite: bool,
 
     /// Path of the report [default: DIR/report.html]
     #[arg(long, value_name = "OUT.html")]
@@ -78,8 +74,11 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
     check_report(args.report.as_ref(), &[])?;
     let mut files = desk::names().chain([ESTIMATE, PAGE, MENDED]).map(|name| folder.join(name));
-    if let Some(file) = files.find(|path| !args.overwrite && path.exists()) {
-        bail!("{} exists already; --overwrite writes over the files of an earlier demo", file.display());
+    // The files of an earlier demo are the demo's own.
+    if !desk::is_of_demo(folder)
+        && let Some(file) = files.find(|path| path.exists())
+    {
+        bail!("{} exists already and is not of an earlier demo; choose another folder with --out", file.display());
     }
     make_folder(folder)?;
     let page = args.report.clone().unwrap_or_else(|| folder.join(PAGE));

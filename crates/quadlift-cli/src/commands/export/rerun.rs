@@ -10,6 +10,7 @@ use quadlift_report::{Recording, frame_jpeg, recording};
 use rayon::prelude::*;
 
 use crate::error::Outcome;
+use crate::labels::Labels;
 use crate::output::Output;
 use crate::report::Gathered;
 
@@ -50,7 +51,9 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         ("ellipse", ellipses),
     ];
     let written = (args.output.as_path(), &counts[..], recording.notes.as_slice());
-    super::tell(out, std::iter::once(written), &without_body(&gathered, &recording))
+    let named = gathered.estimate.as_ref().or(gathered.truth.as_ref());
+    let labels = named.map(|(_, file)| Labels::of_file(file)).unwrap_or_default();
+    super::tell(out, std::iter::once(written), (&without_body(&gathered, &recording), &labels))
 }
 
 /// Writes the undistorted images of the frames. Unreadable images are listed in the notes.

@@ -14,7 +14,11 @@ pub fn run(common: &Common, out: &Output) -> anyhow::Result<Outcome> {
     file.to_objects().map_err(|error| error.in_file(scene))?;
     let counts = write_tables(output, &file)?;
     let notes: &[String] = &[];
-    super::tell(out, std::iter::once((output.as_path(), counts.as_slice(), notes)), &[])
+    super::tell(
+        out,
+        std::iter::once((output.as_path(), counts.as_slice(), notes)),
+        (&[], &crate::labels::Labels::default()),
+    )
 }
 
 #[cfg(not(feature = "parquet"))]

@@ -13,7 +13,7 @@ pub struct Matching {
     #[arg(long = "match", value_enum, value_name = "HOW", default_value_t = By::Auto, hide_possible_values = true)]
     by: By,
 
-    /// Skip detections with a lower score
+    /// Skip detections with a lower score, such as 0.5
     #[arg(long, value_name = "S", value_parser = args::finite)]
     pub min_score: Option<f64>,
 }

@@ -14,7 +14,7 @@ use crate::error::usage;
 use crate::localization::{file_options, prior_source};
 use crate::options::{Chosen, Localize};
 
-/// Estimate 3D objects from the detections of a scene
+/// Estimate 3D objects from detections
 ///
 /// The result is a scene file: the cameras and frames of the scene, the estimated objects with status, uncertainty and
 /// residuals, and the settings. The true objects of a scene, if it has any, are neither read nor copied.
@@ -42,7 +42,7 @@ Exit codes: 0 success; 1 a scene failed, or none of its objects could be localiz
 inconsistent (poses, cameras and boxes do not fit together), and --accept-inconsistent is not given."
 )]
 pub struct Args {
-    /// Scene files, folders that hold them, patterns in quotes, or logs in MCAP
+    /// Scene files, folders that hold them, patterns in quotes, or logs in MCAP; - is the standard input
     #[arg(required_unless_present = "cameras", conflicts_with = "cameras", value_name = "SCENE.json")]
     pub(super) scenes: Vec<PathBuf>,
 

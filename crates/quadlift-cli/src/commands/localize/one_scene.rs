@@ -1,6 +1,7 @@
 //! Localizes one scene, writes its result and prints it.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::anyhow;
@@ -18,6 +19,8 @@ use crate::corrections::corrected_in_words;
 use crate::diagnosis::tell;
 use crate::error::Outcome;
 use crate::estimate_table::{cue_scales, learned_size, noise_levels, pose_points, render, summaries};
+use crate::files::move_paths;
+use crate::labels::Labels;
 use crate::localization::{run_scene, settings_in_words};
 use crate::output::{HEADING, Output, one_line};
 use crate::report::write_localized;
@@ -67,7 +70,10 @@ pub fn one_scene(
     let images = report.map(|_| input.file.to_images(&input.path).map_err(|error| error.in_file(&input.path)));
     let images = images.transpose()?;
     let read = start.elapsed();
-    let run = run_scene(&title, input, options, out)?;
+    let mut run = run_scene(&title, input, options, out)?;
+    // The paths of images are relative to the file that names them.
+    let path = run.input.path.clone();
+    output.map_or(Ok(()), |output| move_paths(Arc::make_mut(&mut run.input.file), &path, output))?;
     let solved = start.elapsed();
     // Records of all objects at once are only made for the page.
     let result = report.map(|_| run.result());
@@ -90,7 +96,7 @@ pub fn one_scene(
     text.push_str(&corrected_in_words(&run.input.notes));
     if let (Some(ids), Some(association)) = (ids, &run.run.association) {
         let source = options.run.localize.source.as_deref();
-        text.push_str(&localize_in_words(&run.input.file, source, ids, association));
+        text.push_str(&localize_in_words(&run.input.file, run.input.scene(), source, ids, association));
         text.push_str("\n\n");
     }
     if !out.json && !out.quiet {
@@ -136,6 +142,9 @@ pub fn one_scene(
 /// warnings.
 fn tell_details(run: &FileRun, record: &RunRecord, out: &Output) {
     let (scene, localization) = (run.input.scene(), run.localization());
+    let category = |e: &Estimate| e.category_index.map(|index| scene.categories[index].as_str());
+    let ids = localization.estimates.iter().map(|e| (scene.object_ids[e.object_index].as_str(), category(e)));
+    let labels = Labels::new(ids);
     for estimate in &localization.estimates {
         let rejected: Vec<String> = estimate
             .views
@@ -144,8 +153,8 @@ fn tell_details(run: &FileRun, record: &RunRecord, out: &Output) {
             .map(|(frame, because)| format!("{frame} ({})", rejection_in_words(because)))
             .collect();
         if !rejected.is_empty() {
-            let id = &scene.object_ids[estimate.object_index];
-            out.detail(&one_line(&format!("{id}: rejected the views {}", rejected.join(", "))));
+            let name = labels.of(&scene.object_ids[estimate.object_index]);
+            out.detail(&one_line(&format!("{name}: rejected the views {}", rejected.join(", "))));
         }
     }
     if let Some(levels) = noise_levels(localization) {

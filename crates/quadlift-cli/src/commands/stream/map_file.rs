@@ -1,6 +1,7 @@
 //! What is written of the map: the result file, the state, the report.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use quadlift::online::ObjectMap;
 use quadlift_io::run::{FileInput, FileOptions};
@@ -8,6 +9,7 @@ use quadlift_io::scene_file::Detail;
 use quadlift_io::stream::{StreamState, StreamedScene, write_state_file};
 use serde_json::{Map, Value};
 
+use crate::files::move_paths;
 use crate::localization::run_scene;
 use crate::output::Output;
 use crate::report::write_localized;
@@ -71,15 +73,18 @@ impl MapFiles<'_> {
     ) -> anyhow::Result<()> {
         let input = FileInput::of_map(streamed, map, self.input)?;
         // No bar: the stream goes on.
-        let run = run_scene("map", input, self.options, &Output { quiet: true, ..*out })?;
+        let mut run = run_scene("map", input, self.options, &Output { quiet: true, ..*out })?;
+        let images =
+            report.map(|_| run.input.file.to_images(&run.input.path).map_err(|error| error.in_file(&run.input.path)));
+        let images = images.transpose()?;
+        let input = run.input.path.clone();
+        self.map.map_or(Ok(()), |map| move_paths(Arc::make_mut(&mut run.input.file), &input, map))?;
         let result = report.map(|_| run.result());
         if let Some(path) = self.map {
             run.write(path, self.detail, result.as_ref())?;
         }
-        if let (Some(path), Some(result)) = (report, &result) {
-            let (path_of_file, file) = (&run.input.path, &run.input.file);
-            let images = file.to_images(path_of_file).map_err(|error| error.in_file(path_of_file))?;
-            write_localized(path, (path_of_file, file), &images, run.input.scene(), result)?;
+        if let (Some(path), Some(result), Some(images)) = (report, &result, &images) {
+            write_localized(path, (&run.input.path, &run.input.file), images, run.input.scene(), result)?;
         }
         Ok(())
     }

@@ -1,5 +1,7 @@
 //! A stream from its first line to its end.
 
+use std::io::IsTerminal;
+
 use anyhow::bail;
 use quadlift::online::{ObjectMap, OnlineOptions};
 use quadlift::solve::PoseNoise;
@@ -15,7 +17,8 @@ use super::Args;
 use super::map_file::MapFiles;
 use super::rerun::Live;
 use super::source::{Item, Source};
-use crate::error::in_words;
+use super::words::in_words;
+use crate::error;
 use crate::output::{HEADING, Output};
 use crate::words::count;
 
@@ -30,6 +33,8 @@ pub struct Session<'a> {
     out: &'a Output,
     /// Whether somebody reads the events.
     is_read: bool,
+    /// Whether a person reads them, on a terminal.
+    as_text: bool,
     live: Option<Live<'a>>,
     errors: u64,
     failed_writes: u64,
@@ -115,6 +120,7 @@ impl<'a> Session<'a> {
             pose_noise,
             out,
             is_read: true,
+            as_text: !out.json && std::io::stdout().is_terminal(),
             live: None,
             errors: 0,
             failed_writes: 0,
@@ -156,7 +162,7 @@ impl<'a> Session<'a> {
                 && let Err(error) = files.write(&self.stream, self.out)
             {
                 // It may work the next time.
-                self.out.error(&in_words(&error));
+                self.out.error(&error::in_words(&error));
                 self.failed_writes += 1;
             }
         }
@@ -274,7 +280,8 @@ impl<'a> Session<'a> {
 
     fn print(&mut self, line: &OutputLine) -> anyhow::Result<()> {
         if self.is_read {
-            self.is_read = self.out.stream_line(&line.to_text())?;
+            let text = if self.as_text { in_words(line, &self.stream.map) } else { line.to_text() };
+            self.is_read = self.out.stream_line(&text)?;
         }
         Ok(())
     }

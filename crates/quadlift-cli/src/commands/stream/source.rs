@@ -73,7 +73,7 @@ impl Source {
         if let Some(path) = path.filter(|path| path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"))) {
             let (file, scene) = read_scene(path)?;
             let source = match scene.source_index(source) {
-                Err(error @ SourceError::Several(_)) => bail!("{}: {error} (--source NAME)", path.display()),
+                Err(error @ SourceError::Several(_)) => bail!("{}: {error} (--source SOURCE)", path.display()),
                 source => source.with_context(|| path.display().to_string())?,
             };
             let (about, frames) = scene_to_frames(file, &scene, source);

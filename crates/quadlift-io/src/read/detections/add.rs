@@ -103,7 +103,7 @@ pub fn add_detections(
     let error = |problem: String| ReadError::new(&files.path, problem);
     if !options.replace && scene.detections.iter().any(|d| d.source.as_deref() == Some(options.source)) {
         return Err(error(format!(
-            "the scene already has detections of the source \"{}\"; choose another name (--source NAME) or replace \
+            "the scene already has detections of the source \"{}\"; choose another name (--source SOURCE) or replace \
              all (--replace)",
             options.source
         )));

@@ -541,7 +541,7 @@ fn adding_keeps_what_is_there_and_tells_what_is_left_out() {
     let sources: Vec<_> = scene.detections.iter().map(|d| d.source.as_deref().unwrap()).collect();
     assert_eq!(sources, ["old", "new"]);
     let error = add_detections(&mut scene, files(), &options).unwrap_err();
-    insta::assert_snapshot!(error, @r#"a.csv: the scene already has detections of the source "new"; choose another name (--source NAME) or replace all (--replace)"#);
+    insta::assert_snapshot!(error, @r#"a.csv: the scene already has detections of the source "new"; choose another name (--source SOURCE) or replace all (--replace)"#);
     let report = add_detections(&mut scene, files(), &AddOptions { replace: true, ..options.clone() }).unwrap();
     assert_eq!((report.removed, scene.detections.len()), (2, 1));
     // Integer pixel centers move everything by half a pixel.
