@@ -289,7 +289,7 @@ fn a_state_goes_on_with_its_own_recording_only() {
     folder.write("first.jsonl", lines[..12].concat());
     folder.succeed("stream first.jsonl -q --state state");
     let state = folder.read("state");
-    let mut refused = |lines: &[String], expected: &str| {
+    let refused = |lines: &[String], expected: &str| {
         let (events, code, told) = stream(&folder, "stream --state state --resume", &lines.concat());
         assert!(code == 1 && events.is_empty() && told.contains(expected), "{code} {told}");
         assert_eq!(folder.read("state"), state, "{expected}");
