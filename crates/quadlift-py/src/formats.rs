@@ -69,7 +69,7 @@ fn format_of<F>(all: impl Iterator<Item = &'static Format<F>> + Clone, name: &st
 
 /// An error with the names of keywords.
 fn in_keywords(error: ReadError) -> PyErr {
-    let text = error.to_string().replace("--assume ", "").replace("--source NAME", "source=...");
+    let text = error.to_string().replace("--assume ", "").replace("--source SOURCE", "source=...");
     refuse(text.replace("--replace", "replace=True").replace("; `quadlift import FORMAT` reads a given format", ""))
 }
 

@@ -100,7 +100,7 @@ fn check_checksum(path: &Path, text: &str) -> Result<(), ReadError> {
         Some(rest) if text.starts_with(&checksum(&rest)) => Ok(()),
         _ => Err(ReadError::new(
             path,
-            "the state is damaged: its checksum differs; start anew without --resume".to_owned(),
+            "the state is damaged: its checksum differs from that of its text".to_owned(),
         )),
     }
 }
