@@ -26,7 +26,8 @@ problem() {
 }
 for package in "$target"/package/*.crate; do
     name=$(basename "$package" .crate)
-    tar -xzf "$package" -C "$unpacked"
+    # With the time of now: packages have a fixed one, by which cargo would take an older build for theirs.
+    tar -xzmf "$package" -C "$unpacked"
     for file in README.md LICENSE-MIT LICENSE-APACHE Cargo.lock; do
         [ -s "$unpacked/$name/$file" ] || problem "$name has no $file"
     done

@@ -212,26 +212,7 @@ fn read_scene<'a>(
     open: &dyn Fn(usize) -> Result<Table<'a>, ReadError>,
     options: &ReadOptions,
 ) -> Result<Import, ReadError> {
-    let mut scenes = Vec::new();
-    open(0)?.rows(&mut |row: SceneRow| {
-        scenes.push(row);
-        Ok(())
-    })?;
-    let chosen = match &options.sequence {
-        Some(name) => scenes.iter().find(|scene| scene.name == *name),
-        None => scenes.first().filter(|_| scenes.len() == 1),
-    };
-    let Some(chosen) = chosen else {
-        let names: Vec<&str> = scenes.iter().map(|scene| scene.name.as_str()).collect();
-        let found = format!("{}: {}", count(names.len(), "scene"), some_of(&names));
-        return Err(ReadError::new(
-            open(0)?.path,
-            match &options.sequence {
-                Some(name) => format!("there is no scene \"{name}\"; the tables have {found}"),
-                None => format!("choose a scene; the tables have {found}"),
-            },
-        ));
-    };
+    let chosen = chosen_scene(open, options)?;
     let mut samples = BTreeMap::new();
     open(1)?.rows(&mut |row: SampleRow| {
         if row.scene_token == chosen.token {
@@ -239,31 +220,7 @@ fn read_scene<'a>(
         }
         Ok(())
     })?;
-    let mut channels = BTreeMap::new();
-    open(2)?.rows(&mut |row: SensorRow| {
-        if row.modality == "camera" {
-            channels.insert(row.token, row.channel);
-        }
-        Ok(())
-    })?;
-    if let Some(name) = options.channels.iter().find(|name| !channels.values().any(|channel| channel == *name)) {
-        let mut names: Vec<&String> = channels.values().collect();
-        names.sort();
-        return Err(ReadError::new(
-            open(2)?.path,
-            format!("there is no camera \"{name}\"; there are {}", some_of(&names)),
-        ));
-    }
-    let mut calibrated = BTreeMap::new();
-    open(3)?.rows(&mut |row: CalibratedRow| {
-        let Some(channel) = channels.get(&row.sensor_token) else { return Ok(()) };
-        if options.channels.is_empty() || options.channels.contains(channel) {
-            let params = pinhole(&row.camera_intrinsic, options.pixel_centers)?;
-            let ego_from_camera = pose(row.rotation, row.translation)?;
-            calibrated.insert(row.token, Calibrated { channel: channel.clone(), ego_from_camera, params });
-        }
-        Ok(())
-    })?;
+    let calibrated = calibrated_cameras(open, options)?;
     let mut scene = SceneFile {
         name: Some(chosen.name.clone()),
         length_unit: Some("m".to_owned()),
@@ -348,6 +305,67 @@ fn read_scene<'a>(
         notes.push(format!("{} between the key frames left out", count(sweeps, "image")));
     }
     Import { scene, notes, ..Import::default() }.checked(place)
+}
+
+/// The scene that was asked for, or the only one.
+fn chosen_scene<'a>(
+    open: &dyn Fn(usize) -> Result<Table<'a>, ReadError>,
+    options: &ReadOptions,
+) -> Result<SceneRow, ReadError> {
+    let mut scenes = Vec::new();
+    open(0)?.rows(&mut |row: SceneRow| {
+        scenes.push(row);
+        Ok(())
+    })?;
+    let chosen = match &options.sequence {
+        Some(name) => scenes.iter().position(|scene| scene.name == *name),
+        None => (scenes.len() == 1).then_some(0),
+    };
+    let Some(chosen) = chosen else {
+        let names: Vec<&str> = scenes.iter().map(|scene| scene.name.as_str()).collect();
+        let found = format!("{}: {}", count(names.len(), "scene"), some_of(&names));
+        return Err(ReadError::new(
+            open(0)?.path,
+            match &options.sequence {
+                Some(name) => format!("there is no scene \"{name}\"; the tables have {found}"),
+                None => format!("choose a scene; the tables have {found}"),
+            },
+        ));
+    };
+    Ok(scenes.swap_remove(chosen))
+}
+
+/// The cameras that were asked for, or all, by the tokens of their calibrations.
+fn calibrated_cameras<'a>(
+    open: &dyn Fn(usize) -> Result<Table<'a>, ReadError>,
+    options: &ReadOptions,
+) -> Result<BTreeMap<String, Calibrated>, ReadError> {
+    let mut channels = BTreeMap::new();
+    open(2)?.rows(&mut |row: SensorRow| {
+        if row.modality == "camera" {
+            channels.insert(row.token, row.channel);
+        }
+        Ok(())
+    })?;
+    if let Some(name) = options.channels.iter().find(|name| !channels.values().any(|channel| channel == *name)) {
+        let mut names: Vec<&String> = channels.values().collect();
+        names.sort();
+        return Err(ReadError::new(
+            open(2)?.path,
+            format!("there is no camera \"{name}\"; there are {}", some_of(&names)),
+        ));
+    }
+    let mut calibrated = BTreeMap::new();
+    open(3)?.rows(&mut |row: CalibratedRow| {
+        let Some(channel) = channels.get(&row.sensor_token) else { return Ok(()) };
+        if options.channels.is_empty() || options.channels.contains(channel) {
+            let params = pinhole(&row.camera_intrinsic, options.pixel_centers)?;
+            let ego_from_camera = pose(row.rotation, row.translation)?;
+            calibrated.insert(row.token, Calibrated { channel: channel.clone(), ego_from_camera, params });
+        }
+        Ok(())
+    })?;
+    Ok(calibrated)
 }
 
 fn pose([w, x, y, z]: [f64; 4], translation: [f64; 3]) -> Result<Matrix4<f64>, String> {

@@ -98,10 +98,7 @@ fn check_checksum(path: &Path, text: &str) -> Result<(), ReadError> {
     let rest = text.find(',').map(|comma| format!("{{{}", text[comma + 1..].trim_end_matches('\n')));
     match rest {
         Some(rest) if text.starts_with(&checksum(&rest)) => Ok(()),
-        _ => Err(ReadError::new(
-            path,
-            "the state is damaged: its checksum differs from that of its text".to_owned(),
-        )),
+        _ => Err(ReadError::new(path, "the state is damaged: its checksum differs from that of its text".to_owned())),
     }
 }
 

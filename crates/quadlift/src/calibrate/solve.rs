@@ -164,6 +164,53 @@ impl Solution {
     }
 }
 
+/// What groups of boxes show: things at places, of shapes that several of them share.
+struct Sites {
+    shapes: Vec<ShapePrior>,
+    /// For each shape the number of its sites.
+    sizes: Vec<usize>,
+    sites: Vec<Site>,
+}
+
+impl Sites {
+    /// One shape for each of the objects that are seen most often, and one for the rest of each category.
+    fn of(prepared: &Prepared, used: &[&Group]) -> Self {
+        let mut counts: BTreeMap<(usize, Thing), usize> = BTreeMap::new();
+        used.iter().for_each(|group| *counts.entry((group.category, group.thing)).or_default() += 1);
+        let mut own: Vec<(usize, Thing, usize)> = counts
+            .iter()
+            .filter(|&(&(_, thing), &count)| matches!(thing, Thing::Object(_)) && count >= OWN_SHAPE)
+            .map(|(&(category, thing), &count)| (count, thing, category))
+            .collect();
+        own.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
+        own.truncate(MOST_SHAPES);
+        let mut shape_of: BTreeMap<(usize, Option<Thing>), usize> = BTreeMap::new();
+        let mut shapes: Vec<ShapePrior> = Vec::new();
+        let mut sites = Vec::new();
+        let mut sizes: Vec<usize> = Vec::new();
+        for group in used {
+            let alone = own.iter().any(|&(_, thing, category)| (thing, category) == (group.thing, group.category));
+            let key = (group.category, alone.then_some(group.thing));
+            let shape = *shape_of.entry(key).or_insert_with(|| {
+                shapes.push(prepared.shapes[group.category]);
+                sizes.push(0);
+                shapes.len() - 1
+            });
+            sizes[shape] += 1;
+            let observation = |&index: &usize| {
+                let of_box = &prepared.boxes[index];
+                Observation { camera: of_box.camera, box_index: index, measured: of_box.measured.clone() }
+            };
+            sites.push(Site {
+                shape,
+                walks: prepared.shapes[group.category].upright && group.instant.is_some(),
+                observations: group.boxes.iter().map(observation).collect(),
+            });
+        }
+        Self { shapes, sizes, sites }
+    }
+}
+
 /// The problem of placed cameras and groups, with the state to start from.
 fn problem(
     prepared: &Prepared,
@@ -177,39 +224,7 @@ fn problem(
     let rig = prepared.rig;
     let step = found.len().div_ceil(MOST_SITES).max(1);
     let used: Vec<&Group> = found.iter().step_by(step).collect();
-    let mut counts: BTreeMap<(usize, Thing), usize> = BTreeMap::new();
-    used.iter().for_each(|group| *counts.entry((group.category, group.thing)).or_default() += 1);
-    let mut own: Vec<(usize, Thing, usize)> = counts
-        .iter()
-        .filter(|&(&(_, thing), &count)| matches!(thing, Thing::Object(_)) && count >= OWN_SHAPE)
-        .map(|(&(category, thing), &count)| (count, thing, category))
-        .collect();
-    own.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
-    own.truncate(MOST_SHAPES);
-    // One shape for each of these objects, and one for the rest of each category.
-    let mut shape_of: BTreeMap<(usize, Option<Thing>), usize> = BTreeMap::new();
-    let mut shapes: Vec<ShapePrior> = Vec::new();
-    let mut sites = Vec::new();
-    let mut sizes: Vec<usize> = Vec::new();
-    for group in &used {
-        let alone = own.iter().any(|&(_, thing, category)| (thing, category) == (group.thing, group.category));
-        let key = (group.category, alone.then_some(group.thing));
-        let shape = *shape_of.entry(key).or_insert_with(|| {
-            shapes.push(prepared.shapes[group.category]);
-            sizes.push(0);
-            shapes.len() - 1
-        });
-        sizes[shape] += 1;
-        let observation = |&index: &usize| {
-            let of_box = &prepared.boxes[index];
-            Observation { camera: of_box.camera, box_index: index, measured: of_box.measured.clone() }
-        };
-        sites.push(Site {
-            shape,
-            walks: prepared.shapes[group.category].upright && group.instant.is_some(),
-            observations: group.boxes.iter().map(observation).collect(),
-        });
-    }
+    let Sites { mut shapes, sizes, sites } = Sites::of(prepared, &used);
     if sites.is_empty() {
         return None;
     }
