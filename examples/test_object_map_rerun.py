@@ -173,7 +173,7 @@ class ObjectMapRerun(unittest.TestCase):
         self.assertEqual(len(rows(shown.chunks, "/world/camera/image", "EncodedImage:blob")), 30)
         shown_ids = {chunk.entity_path for chunk in shown.chunks}
         self.assertLessEqual({"/world/map/object_0001", "/world/map/object_0002"}, shown_ids)
-        self.assertEqual(package.Scene.read(folder / "map.json").objects, 2)
+        self.assertEqual(package.Scene.read(folder / "map.json").object_count, 2)
 
 
 if __name__ == "__main__":
