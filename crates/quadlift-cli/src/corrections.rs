@@ -70,13 +70,10 @@ impl DetectionPixels {
     pub fn split(corrections: Vec<RecordCorrection>) -> (Self, Vec<RecordCorrection>) {
         let mut found = Self::default();
         let others = corrections.into_iter().filter(|correction| {
+            found.turned |= correction.turns_sides();
             match *correction {
                 RecordCorrection::ImageSize(size) => found.image_size = Some(size),
                 RecordCorrection::FrameOffset(offset) => found.frame_offset = Some(offset),
-                RecordCorrection::Known(Correction::TurnedPictures { orientation, .. }) => {
-                    found.turned = orientation > 4;
-                    return true;
-                }
                 _ => return true,
             }
             false

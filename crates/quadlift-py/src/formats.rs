@@ -5,11 +5,10 @@ use std::fs::create_dir_all;
 use std::path::{Path, PathBuf, absolute};
 
 use pyo3::prelude::*;
-use quadlift::diagnosis::Correction;
 use quadlift_io::correct::{RecordCorrection, correct};
 use quadlift_io::formats::{detections, find_cameras, find_detections, poses};
 use quadlift_io::read::detections::{AddOptions, MatchBy, add_detections};
-use quadlift_io::read::{DetectionFormat, Format, FormatOption, Import, PixelCenters, READ};
+use quadlift_io::read::{DetectionFormat, Format, FormatOption, Import, READ};
 use quadlift_io::write::{BodyChoice, CheckedScene, Document, EXPORTS, ExportFormat, WRITE, WriteOptions, Writer};
 use quadlift_io::{ReadError, SceneFile, write_file};
 
@@ -124,17 +123,16 @@ pub fn with_detections(
     let match_by = choice("match", &keywords.matching, &MATCHES)?;
     let options = set(READ, given, format.name, &taken_with_time(format))?;
     let found = (format.read)(path, &options).map_err(in_keywords)?;
-    let has_centers = format.options.contains(&"pixel_centers");
+    let of_format = AddOptions::of(format, &options);
     let adding = AddOptions {
         match_by,
         frame_offset: keywords.frame_offset,
-        time_tolerance: options.time_tolerance.unwrap_or(AddOptions::default().time_tolerance),
         image_size: keywords.image_size,
-        turned: corrections.iter().any(|&correction| turns_sides(correction)),
-        source: keywords.source.as_deref().unwrap_or(format.name),
+        turned: corrections.iter().any(RecordCorrection::turns_sides),
+        source: keywords.source.as_deref().unwrap_or(of_format.source),
         min_score: keywords.min_score,
         replace: keywords.replace,
-        pixel_centers: if has_centers { options.pixel_centers } else { PixelCenters::Half },
+        ..of_format
     };
     let added = add_detections(&mut file, found, &adding).map_err(in_keywords)?;
     // Only the new detections are corrected.
@@ -152,11 +150,6 @@ pub fn with_detections(
         lost.push(format!("{} detections are skipped: their boxes have no width or no height", added.empty));
     }
     Ok((file, lost))
-}
-
-/// Whether pictures are turned by 90 degrees.
-fn turns_sides(correction: RecordCorrection) -> bool {
-    matches!(correction, RecordCorrection::Known(Correction::TurnedPictures { orientation, .. }) if orientation > 4)
 }
 
 /// The options of a format of detections; that of time is for matching.

@@ -21,6 +21,13 @@ pub enum RecordCorrection {
 }
 
 impl RecordCorrection {
+    /// Whether pictures are turned by 90 degrees, so that their width is the height of the cameras' images.
+    pub fn turns_sides(&self) -> bool {
+        matches!(self, Self::Known(Correction::TurnedPictures { orientation, .. }) if *orientation > 4)
+    }
+}
+
+impl RecordCorrection {
     /// The correction of one of the common mistakes in a scene with one image size, in pixels, if known. Image sizes
     /// from the self-check are rounded: to a common width if one is near, otherwise to whole pixels.
     pub fn of(correction: &Correction, image_size: Option<[f64; 2]>) -> Self {

@@ -1,7 +1,7 @@
 //! Options on how the images of detections are matched with the frames of a scene; `localize` has them too.
 
 use quadlift_io::read::detections::{AddOptions, MatchBy};
-use quadlift_io::read::{DetectionFormat, PixelCenters, ReadOptions};
+use quadlift_io::read::{DetectionFormat, ReadOptions};
 
 use crate::args;
 use crate::corrections::DetectionPixels;
@@ -36,7 +36,6 @@ impl Matching {
         format: &DetectionFormat,
         reading: &ReadOptions,
     ) -> AddOptions<'a> {
-        let has_centers = format.options.contains(&"pixel_centers");
         AddOptions {
             match_by: match self.by {
                 By::Auto => MatchBy::Auto,
@@ -46,13 +45,11 @@ impl Matching {
                 By::Time => MatchBy::Time,
             },
             frame_offset: pixels.frame_offset,
-            time_tolerance: reading.time_tolerance.unwrap_or(AddOptions::default().time_tolerance),
             image_size: pixels.image_size,
             turned: pixels.turned,
             source,
             min_score: self.min_score,
-            replace: false,
-            pixel_centers: if has_centers { reading.pixel_centers } else { PixelCenters::Half },
+            ..AddOptions::of(format, reading)
         }
     }
 }

@@ -11,7 +11,7 @@ use super::files::{Detected, DetectionFiles, ImageKey, Outline, extent};
 use super::matching::{MatchBy, MatchOptions, match_frames, stem};
 use crate::correct::shift;
 use crate::error::ReadError;
-use crate::read::PixelCenters;
+use crate::read::{DetectionFormat, PixelCenters, ReadOptions};
 use crate::scene_file::{DetectionRecord, FrameRecord, MaskRecord, RleCounts, RleRecord, SceneFile};
 use crate::wording::count;
 
@@ -41,6 +41,20 @@ pub struct AddOptions<'a> {
     pub replace: bool,
     /// Origin of the pixel coordinates of the detections.
     pub pixel_centers: PixelCenters,
+}
+
+impl AddOptions<'_> {
+    /// Those of detections of a format that were read with these options.
+    pub fn of(format: &DetectionFormat, reading: &ReadOptions) -> Self {
+        let mut options = Self { source: format.name, ..Self::default() };
+        if let Some(tolerance) = reading.time_tolerance {
+            options.time_tolerance = tolerance;
+        }
+        if format.options.contains(&"pixel_centers") {
+            options.pixel_centers = reading.pixel_centers;
+        }
+        options
+    }
 }
 
 impl Default for AddOptions<'_> {
