@@ -186,6 +186,14 @@ pub struct Alignment {
     pub transforms: Vec<MapTransform>,
 }
 
+impl Alignment {
+    /// Number of transforms that are not a hundred times less probable than the best one.
+    pub fn equally_good(&self) -> usize {
+        let best = self.transforms.first().map_or(0.0, |best| best.evidence);
+        self.transforms.iter().filter(|transform| best - transform.evidence < CLEAR).count()
+    }
+}
+
 /// Transforms that are told at most.
 const MOST_TRANSFORMS: usize = 8;
 

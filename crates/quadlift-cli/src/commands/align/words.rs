@@ -8,9 +8,6 @@ use crate::labels::Labels;
 use crate::table::{Cell, MOST_ROWS, Table, rest};
 use crate::words::{count, with_unit};
 
-/// Difference of the evidence of transforms that are a hundred times less probable.
-const CLEAR: f64 = 4.605;
-
 /// What was assumed, a line.
 pub fn assumptions(args: &Args, [a, b]: [&Map; 2], options: &AlignOptions) -> String {
     let unit = |map: &Map| map.file.length_unit.clone();
@@ -50,7 +47,7 @@ pub fn refused(
             b.objects.len()
         ),
         AlignStatus::Ambiguous(Ambiguity::Several) => {
-            format!("ambiguous: {} explain the maps about as well", count(equally_good(found), "different transform"))
+            format!("ambiguous: {} explain the maps about as well", count(found.equally_good(), "different transform"))
         }
         AlignStatus::Ambiguous(Ambiguity::RotationOpen) => {
             "ambiguous: the objects that agree leave the rotation open, as those in one row do".to_owned()
@@ -83,12 +80,6 @@ pub fn contradiction(contradiction: &Contradiction, is_aligned: bool) -> String 
         }
         Contradiction::Up => "without `up` of the files they are aligned (--no-up): check both `up`".to_owned(),
     }
-}
-
-/// Number of transforms that are not a hundred times less probable than the best one.
-fn equally_good(found: &Alignment) -> usize {
-    let best = found.transforms.first().map_or(0.0, |best| best.evidence);
-    found.transforms.iter().filter(|transform| best - transform.evidence < CLEAR).count()
 }
 
 /// The transforms that were considered, as a table; empty without any.
