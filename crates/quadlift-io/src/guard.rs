@@ -68,8 +68,8 @@ pub fn protect_what_is_read() {
     guard().get_or_insert_default();
 }
 
-/// Notes that a file is read: one that this crate does not open itself, such as a file behind the standard input.
-pub fn note_read(path: &Path) {
+/// Notes that a file is read.
+pub(crate) fn note_read(path: &Path) {
     if let Some(guard) = guard().as_mut() {
         guard.read.extend(identity(path));
     }

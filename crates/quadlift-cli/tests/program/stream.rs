@@ -323,18 +323,6 @@ fn a_state_with_another_digit_is_damaged() {
     }
 }
 
-#[test]
-#[cfg(unix)]
-fn the_file_behind_the_standard_input_is_not_overwritten() {
-    let folder = folder_with_stream();
-    let before = folder.read("scene.jsonl");
-    let input = std::fs::File::open(folder.path("scene.jsonl")).unwrap();
-    let output = program(&folder, "stream --map scene.jsonl").stdin(input).output().unwrap();
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.code() == Some(2) && told.contains("overwrite scene.jsonl"), "{told}");
-    assert_eq!(folder.read("scene.jsonl"), before);
-}
-
 /// Reads lines of the output until so many frames are done.
 fn wait_for_frames(child: &mut Child, frames: usize) -> BufReader<std::process::ChildStdout> {
     let mut out = BufReader::new(child.stdout.take().unwrap());

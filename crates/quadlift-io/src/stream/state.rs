@@ -85,19 +85,19 @@ pub fn write_state(
         map: state.map.to_state(),
     };
     let text = serde_json::to_string(&record)?;
-    writeln!(out, "{}{}", checksum(&text), text.trim_start_matches('{'))
+    let rest = text.trim_start_matches('{');
+    writeln!(out, "{},{rest}", checksum_of(rest))
 }
 
-/// The first field of a state with this text, which has no such field yet.
-fn checksum(text: &str) -> String {
-    format!("{{\"checksum\":\"{:08x}\",", crc32fast::hash(text.as_bytes()))
+/// The begin of a state with this text behind its first field.
+fn checksum_of(rest: &str) -> String {
+    format!("{{\"checksum\":\"{:08x}\"", crc32fast::hash(rest.as_bytes()))
 }
 
 /// That a state is as it was written: numbers that were changed would lead to another map.
 fn check_checksum(path: &Path, text: &str) -> Result<(), ReadError> {
-    let rest = text.find(',').map(|comma| format!("{{{}", text[comma + 1..].trim_end_matches('\n')));
-    match rest {
-        Some(rest) if text.starts_with(&checksum(&rest)) => Ok(()),
+    match text.split_once(',') {
+        Some((first, rest)) if first == checksum_of(rest.trim_end_matches('\n')) => Ok(()),
         _ => Err(ReadError::new(path, "the state is damaged: its checksum differs from that of its text".to_owned())),
     }
 }

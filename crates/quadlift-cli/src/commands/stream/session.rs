@@ -198,13 +198,10 @@ impl<'a> Session<'a> {
     /// Observes a frame; `index` is its place in the list of the line.
     fn frame(&mut self, number: Option<u64>, index: Option<usize>, frame: FrameLine) -> anyhow::Result<()> {
         let (id, time) = (frame.record.id.clone(), frame.record.time.unwrap_or_default());
-        if let Some(passed) = &mut self.passed
-            && !passed.is_over
-            && time <= passed.time
-        {
-            return passed.pass(&frame, &self.stream.scene);
-        }
-        if let Some(passed) = &self.passed {
+        if let Some(passed) = &mut self.passed {
+            if !passed.is_over && time <= passed.time {
+                return passed.pass(&frame, &self.stream.scene);
+            }
             passed.end()?;
         }
         let error = |mut error: LineError| {

@@ -9,7 +9,6 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use anyhow::{Context, bail};
 use quadlift::scene::SourceError;
-use quadlift_io::guard::note_read;
 use quadlift_io::mcap::{Frames, McapLog, McapOptions, Next, Problem, is_mcap};
 use quadlift_io::stream::{AboutRecord, FrameLine, Input, LineReader, NextLine, open, scene_to_frames};
 
@@ -90,11 +89,7 @@ impl Source {
         });
         let (from, input): (_, Input) = match path {
             Some(path) => (path.to_owned(), open(path)?),
-            None => {
-                // A file may be behind it, which is then not to be written.
-                note_read(Path::new("/dev/stdin"));
-                (PathBuf::from("standard input"), Box::new(BufReader::new(io::stdin())))
-            }
+            None => (PathBuf::from("standard input"), Box::new(BufReader::new(io::stdin()))),
         };
         let read = move || send_lines(input, &sender);
         std::thread::Builder::new().name("input".to_owned()).spawn(read).context("cannot start a thread")?;
