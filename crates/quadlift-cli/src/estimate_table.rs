@@ -67,7 +67,7 @@ fn full_lengths(body: &Body) -> [f64; 3] {
 /// The table and its notes.
 pub fn render(scene: &Scene, localization: &Localization, options: &FileOptions) -> String {
     let rows = summaries(scene, localization);
-    let labels = Labels::new(rows.iter().map(|row| (row.id, row.category)));
+    let labels = Labels::of_estimates(scene, localization);
     let shown = &rows[..rows.len().min(MOST_ROWS)];
     let mut text = table(scene, shown, &labels, localization.cross_validation.extent == Extent::All);
     text.push_str(&rest(rows.len(), "object", "the result (-o) and --json list all"));

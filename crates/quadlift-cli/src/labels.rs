@@ -2,7 +2,9 @@
 
 use std::collections::HashMap;
 
+use quadlift::Localization;
 use quadlift::scene::Scene;
+use quadlift::solve::Estimate;
 use quadlift_io::SceneFile;
 
 /// The labels of some objects by their ids. An object has its category and its number where its id has one, else its id.
@@ -25,6 +27,13 @@ impl Labels {
     /// Of the objects of a file.
     pub fn of_file(file: &SceneFile) -> Self {
         Self::new(file.objects.iter().map(|object| (&*object.id, object.category.as_deref())))
+    }
+
+    /// Of the estimated objects of a scene.
+    pub fn of_estimates(scene: &Scene, localization: &Localization) -> Self {
+        let category = |estimate: &Estimate| estimate.category_index.map(|index| scene.categories[index].as_str());
+        let id = |estimate: &Estimate| scene.object_ids[estimate.object_index].as_str();
+        Self::new(localization.estimates.iter().map(|estimate| (id(estimate), category(estimate))))
     }
 
     /// Of the objects in the detections of a scene, each with the category that most of its detections have.

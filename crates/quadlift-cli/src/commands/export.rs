@@ -125,19 +125,19 @@ fn export(writer: &Writer, common: &Common, options: &WriteOptions, out: &Output
             if checked.bodies() == 0 {
                 bail!("{}: no object has a body: there is nothing to export", scene.display());
             }
-            finish(out, &[write(&checked, options)?], &paths, (checked.without_body(), &Labels::of_file(&file)))
+            finish(out, &[write(&checked, options)?], &paths, Some((checked.without_body(), &Labels::of_file(&file))))
         }
         Writer::Tables(write) => {
             let paths: Vec<&Path> =
                 [Some(output), options.views.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
             let documents = write(&read(common, &paths)?).map_err(in_scene)?;
-            finish(out, &documents, &paths, (&[], &Labels::default()))
+            finish(out, &documents, &paths, None)
         }
         Writer::Cameras(write) => {
             check_file(output)?;
             refuse_to_overwrite(scene, output)?;
             let document = write(&read_scene_file(scene)?, options).map_err(in_scene)?;
-            finish(out, &[document], &[output], (&[], &Labels::default()))
+            finish(out, &[document], &[output], None)
         }
         Writer::CameraFolder(names, write) => {
             let documents = write(&read_scene_file(scene)?).map_err(in_scene)?;
@@ -148,7 +148,7 @@ fn export(writer: &Writer, common: &Common, options: &WriteOptions, out: &Output
                 check_file(path)?;
                 refuse_to_overwrite(scene, path)?;
             }
-            finish(out, &documents, &paths.each_ref().map(PathBuf::as_path), (&[], &Labels::default()))
+            finish(out, &documents, &paths.each_ref().map(PathBuf::as_path), None)
         }
     }
 }
@@ -175,7 +175,7 @@ fn finish(
     out: &Output,
     documents: &[Document],
     paths: &[&Path],
-    without_body: (&[String], &Labels),
+    without_body: Option<(&[String], &Labels)>,
 ) -> anyhow::Result<Outcome> {
     for (document, path) in documents.iter().zip(paths) {
         write_file(path, |out| out.write_all(&document.content))?;
@@ -188,7 +188,7 @@ fn finish(
 fn tell<'a>(
     out: &Output,
     written: impl Iterator<Item = (&'a Path, &'a [(&'a str, usize)], &'a [String])>,
-    (without_body, labels): (&[String], &Labels),
+    without_body: Option<(&[String], &Labels)>,
 ) -> anyhow::Result<Outcome> {
     let mut text = String::new();
     let mut files = Vec::new();
@@ -197,13 +197,13 @@ fn tell<'a>(
         notes.iter().for_each(|note| text.push_str(&format!("- {}\n", one_line(note))));
         files.push(entry(path, counts, notes));
     }
-    if !without_body.is_empty() {
-        let objects = count(without_body.len(), "object");
-        let names = one_line(&some_of(&labels.of_all(without_body)));
+    if let Some((ids, labels)) = without_body.filter(|(ids, _)| !ids.is_empty()) {
+        let objects = count(ids.len(), "object");
+        let names = one_line(&some_of(&labels.of_all(ids)));
         text.push_str(&format!("- skipped without a body: {objects} ({names})\n"));
     }
     out.report(&text)?;
-    out.document(&json!({ "files": files, "without_body": without_body }))?;
+    out.document(&json!({ "files": files, "without_body": without_body.map_or(&[][..], |(ids, _)| ids) }))?;
     Ok(Outcome::Fine)
 }
 

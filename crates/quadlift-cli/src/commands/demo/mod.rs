@@ -30,7 +30,7 @@ const MENDED: &str = "mended.json";
 
 /// Localize the objects on a rendered desk
 ///
-/// Needs no files. /// The images are rendered, so the true objects are known. The boxes come from a simulated detector: they have
+/// Needs no files. The images are rendered, so the true objects are known. The boxes come from a simulated detector: they have
 /// categories but no object ids, and some are wrong or false positives. A second part runs the self-check on the same
 /// boxes with wrong camera poses.
 #[derive(clap::Args)]

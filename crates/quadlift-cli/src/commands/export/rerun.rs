@@ -53,7 +53,7 @@ pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let written = (args.output.as_path(), &counts[..], recording.notes.as_slice());
     let named = gathered.estimate.as_ref().or(gathered.truth.as_ref());
     let labels = named.map(|(_, file)| Labels::of_file(file)).unwrap_or_default();
-    super::tell(out, std::iter::once(written), (&without_body(&gathered, &recording), &labels))
+    super::tell(out, std::iter::once(written), Some((&without_body(&gathered, &recording), &labels)))
 }
 
 /// Writes the undistorted images of the frames. Unreadable images are listed in the notes.

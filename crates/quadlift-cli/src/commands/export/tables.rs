@@ -14,11 +14,7 @@ pub fn run(common: &Common, out: &Output) -> anyhow::Result<Outcome> {
     file.to_objects().map_err(|error| error.in_file(scene))?;
     let counts = write_tables(output, &file)?;
     let notes: &[String] = &[];
-    super::tell(
-        out,
-        std::iter::once((output.as_path(), counts.as_slice(), notes)),
-        (&[], &crate::labels::Labels::default()),
-    )
+    super::tell(out, std::iter::once((output.as_path(), counts.as_slice(), notes)), None)
 }
 
 #[cfg(not(feature = "parquet"))]

@@ -142,9 +142,7 @@ pub fn one_scene(
 /// warnings.
 fn tell_details(run: &FileRun, record: &RunRecord, out: &Output) {
     let (scene, localization) = (run.input.scene(), run.localization());
-    let category = |e: &Estimate| e.category_index.map(|index| scene.categories[index].as_str());
-    let ids = localization.estimates.iter().map(|e| (scene.object_ids[e.object_index].as_str(), category(e)));
-    let labels = Labels::new(ids);
+    let labels = Labels::of_estimates(scene, localization);
     for estimate in &localization.estimates {
         let rejected: Vec<String> = estimate
             .views

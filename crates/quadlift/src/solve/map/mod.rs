@@ -84,9 +84,8 @@ pub(crate) fn map(
     // Without shared unknowns, each object is fitted independently.
     let apart = options.sigmas.is_some() && !context.has_shared_unknowns();
     let together = |body_kinds: &[BodyKind]| fitted(if apart { &[] } else { body_kinds });
-    let all = |kind| vec![kind; sample.len()];
     let (scene, body_kinds) = match options.body {
-        Some(body) => (together(&all(body)), BodyKinds::given(body, sample.len())),
+        Some(body) => (together(&vec![body; sample.len()]), BodyKinds::given(body, sample.len())),
         None => {
             let first: Vec<BodyKind> = sample.iter().map(|k| context.first_kind(&views_of(*k))).collect();
             let scene = fitted(&first);

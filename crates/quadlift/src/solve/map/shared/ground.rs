@@ -6,16 +6,13 @@
 //! their height above the ground is known. An object stands on the plane that the others tell, with that plane's variance: one that
 //! told its own plane would take its own error for knowledge.
 
-use crate::tuning::CAMERA_HEIGHT_SD;
-use crate::tuning::SLOPE_SD;
-use crate::tuning::UNEVENNESS;
-use crate::tuning::UNEVENNESS_FAR;
 use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
 use crate::geometry::linalg::solve_spd;
 use crate::geometry::rotation::horizontal_basis;
+use crate::tuning::{CAMERA_HEIGHT_SD, SLOPE_SD, UNEVENNESS, UNEVENNESS_FAR};
 
 /// So many objects as expected are added when the unevenness of the ground is estimated.
 const UNEVENNESS_PRIOR: f64 = 4.0;
