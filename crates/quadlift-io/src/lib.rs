@@ -30,6 +30,7 @@ pub mod locate;
 pub mod mcap;
 mod numbers;
 pub mod options;
+mod point_cloud;
 pub mod priors;
 pub mod problems;
 pub mod read;
@@ -43,6 +44,7 @@ pub mod tables;
 mod temporary;
 #[cfg(test)]
 mod test_data;
+mod text;
 pub mod video;
 pub mod wording;
 pub mod write;

@@ -14,7 +14,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::error::ReadError;
 use crate::images::max_pixels;
 use crate::input::check_readable;
-use crate::scene_file::SceneFile;
 use crate::temporary::Temporary;
 
 /// Most ranges of frames that the filter of a process selects; near ranges are joined beyond it.
@@ -49,25 +48,6 @@ pub fn frame_of_video(path: &Path) -> Option<(&Path, VideoTime)> {
 /// The file of an image: that of the video for one of its frames.
 pub(crate) fn file_of_image(path: &Path) -> &Path {
     frame_of_video(path).map_or(path, |(video, _)| video)
-}
-
-/// Sets the images of a scene to the frames of a video, which is named by its path as seen from the scene file. Frames with
-/// numbers in their names are those frames of the video, from 0, or from 1 if that is the first number; without numbers
-/// they are its frames in their order. Returns the first pair, in words.
-pub fn set_video(scene: &mut SceneFile, video: &str) -> Option<String> {
-    let numbers = crate::read::detections::numbers_of_frames(&scene.frames);
-    let first = numbers.as_ref().and_then(|numbers| numbers.keys().next().copied()).unwrap_or_default();
-    let offset = if first == 1 { 1 } else { 0 };
-    let number_of: HashMap<usize, i64> =
-        numbers.iter().flatten().map(|(number, frame)| (*frame, number - offset)).collect();
-    for (index, frame) in scene.frames.iter_mut().enumerate() {
-        let number = number_of.get(&index).copied().unwrap_or(index as i64);
-        frame.image = Some(format!("{video}#frame={number}"));
-    }
-    let frame = scene.frames.first()?;
-    let kind = if numbers.is_some() { "the numbers in their names" } else { "their places in the scene" };
-    let image = frame.image.as_deref()?;
-    Some(format!("images were taken from the video by {kind}: frame \"{}\" is {image}", frame.id))
 }
 
 /// The frames of videos that have been decoded for a scene. Copies share them; the files are removed with the last one.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::scene_file::{FrameRecord, parse_scene_file};
+use crate::scene_file::{SceneFile, parse_scene_file};
 
 #[test]
 fn paths_of_frames() {
@@ -28,20 +28,6 @@ fn frames_near_a_time() {
     let at = |seconds| nearest(&starts, seconds);
     assert_eq!([at(0.0), at(0.03), at(0.1), at(0.15), at(0.21)], [Ok(0), Ok(1), Ok(2), Ok(3), Ok(3)]);
     assert_eq!(at(0.5), Err("there is no frame at 0.5 s: the last one is at 0.2 s".to_owned()));
-}
-
-#[test]
-fn frames_of_a_scene_are_those_of_their_numbers() {
-    let images = |ids: &[&str]| {
-        let frames = ids.iter().map(|id| FrameRecord { id: (*id).to_owned(), ..FrameRecord::default() });
-        let mut scene = SceneFile { frames: frames.collect(), ..SceneFile::default() };
-        let note = set_video(&mut scene, "d.mp4").unwrap();
-        (scene.frames.into_iter().map(|frame| frame.image.unwrap()).collect::<Vec<_>>(), note)
-    };
-    assert_eq!(images(&["a", "b"]).0, ["d.mp4#frame=0", "d.mp4#frame=1"]);
-    assert_eq!(images(&["f_0001.png", "f_0003.png"]).0, ["d.mp4#frame=0", "d.mp4#frame=2"]);
-    assert_eq!(images(&["000090", "000092"]).0, ["d.mp4#frame=90", "d.mp4#frame=92"]);
-    insta::assert_snapshot!(images(&["f_0001.png"]).1, @r#"images were taken from the video by the numbers in their names: frame "f_0001.png" is d.mp4#frame=0"#);
 }
 
 /// Red of the frame with this number.

@@ -11,8 +11,7 @@ use quadlift_io::diagnosis::DiagnosisRecord;
 use quadlift_io::guard::check_not_read;
 use quadlift_io::scene_file::SceneImages;
 use quadlift_io::scene_file::way_to_file;
-use quadlift_io::segmentation::{Group, Method, Segmentation, Settings, add_to_scene};
-use quadlift_io::video::set_video;
+use quadlift_io::segmentation::{Group, Method, Segmentation, Settings, add_to_scene, set_video};
 use quadlift_io::write_scene_file;
 use serde_json::{Value, json};
 

@@ -18,10 +18,10 @@ use super::bytes::Bytes;
 use super::format::{Format, PoseFormat};
 use super::import::Import;
 use super::poses::{matrix4, rotation_of, rows};
-use super::text::{Fields, Line, lines};
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
+use crate::text::{Fields, Line, lines};
 use crate::wording::count;
 
 use models::Place;

@@ -2,10 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::detections::DetectionFiles;
 use super::import::Import;
 use super::options::ReadOptions;
-use super::probe::Probe;
+use super::probe::{Found, Probe};
 use crate::error::ReadError;
 
 /// A format of other programs that is read.
@@ -27,14 +26,8 @@ pub struct Format<F: 'static> {
     pub read: fn(&Path, &ReadOptions) -> Result<F, ReadError>,
 }
 
-/// A format of detections.
-pub type DetectionFormat = Format<DetectionFiles>;
-
 /// A format of cameras and poses.
 pub type PoseFormat = Format<Import>;
-
-/// Where the reader of a format begins, if a path is of the format.
-pub type Found = Result<Option<PathBuf>, ReadError>;
 
 /// The first of the formats that a path is of, and where its reader begins.
 ///

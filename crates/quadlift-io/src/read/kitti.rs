@@ -15,10 +15,10 @@ use super::kitti_labels::{KittiLabel, parse_labels};
 use super::options::ReadOptions;
 use super::poses::inverse;
 use super::static_objects::LabelledObjects;
-use super::text::lines;
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{DetectionRecord, FrameRecord, SceneFile};
+use crate::text::lines;
 
 /// The files of a sequence with their paths, which serve for messages.
 #[derive(Debug, Clone, Copy)]

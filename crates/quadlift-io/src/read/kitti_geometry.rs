@@ -10,10 +10,10 @@ use quadlift::geometry::Intrinsics;
 
 use super::import::PixelCenters;
 use super::poses::{check_rigid, inverse, matrix4, rows};
-use super::text::{Line, lines};
 use crate::error::ReadError;
 use crate::input::as_utf8;
 use crate::scene_file::CameraRecord;
+use crate::text::{Line, lines};
 
 /// Radius of the earth in the Mercator projection, in meters.
 const EARTH_RADIUS: f64 = 6_378_137.0;

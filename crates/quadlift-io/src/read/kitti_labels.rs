@@ -5,9 +5,9 @@ use std::path::Path;
 use nalgebra::{Matrix4, Rotation3, Vector3};
 
 use super::poses::matrix4;
-use super::text::{Line, lines};
 use crate::error::ReadError;
 use crate::input::as_utf8;
+use crate::text::{Line, lines};
 
 /// One line.
 #[derive(Debug, Clone, PartialEq)]

@@ -16,11 +16,11 @@ use super::kitti_geometry::{Oxts, calibration, camera_rows, rect_from_world};
 use super::options::ReadOptions;
 use super::poses::{inverse, matrix4};
 use super::static_objects::LabelledObjects;
-use super::text::lines;
 use super::xml::{DocumentType, Element, Xml};
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{FrameRecord, SceneFile};
+use crate::text::lines;
 
 /// The row of this format.
 pub(super) const FORMAT: PoseFormat = Format {

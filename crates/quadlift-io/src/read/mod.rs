@@ -18,12 +18,10 @@ mod nerfstudio;
 mod nuscenes;
 mod opensfm;
 mod options;
-pub(crate) mod point_cloud;
 mod poses;
 mod probe;
 mod projections;
 mod static_objects;
-mod text;
 mod tum;
 mod xml;
 
@@ -31,13 +29,14 @@ mod xml;
 mod real_data_tests;
 
 pub use crate::format_options::FormatOption;
+pub use detections::DetectionFormat;
 pub(crate) use format::recognize;
-pub use format::{DetectionFormat, Format, Found, PoseFormat};
+pub use format::{Format, PoseFormat};
 pub use import::{Import, PixelCenters};
 pub use options::{READ, ReadOptions};
 #[cfg(feature = "mcap")]
 pub(crate) use poses::from_rows;
-pub use probe::Probe;
+pub use probe::{Found, Probe};
 
 /// The formats of cameras and poses in this folder, in the order of recognition.
 pub(crate) const POSES: &[PoseFormat] = &[

@@ -6,10 +6,12 @@ use std::path::{Path, PathBuf};
 
 use serde::de::IgnoredAny;
 
-use super::format::Found;
 use super::json::parse_json;
 use crate::error::ReadError;
 use crate::input::{as_utf8, paths_below, read_bytes};
+
+/// Where the reader of a format begins, if a path is of the format.
+pub type Found = Result<Option<PathBuf>, ReadError>;
 
 /// Extensions of files of which a folder may have one for each image.
 const EXTENSIONS: [&str; 3] = ["txt", "json", "xml"];
@@ -133,8 +135,7 @@ impl Probe {
         };
         if self.first[index].get().is_none() {
             let has_content = |(name, path): &(String, PathBuf)| {
-                !super::detections::yolo::is_beside_labels(name)
-                    && !std::fs::metadata(path).is_ok_and(|data| data.len() < 2)
+                !is_beside_labels(name) && !std::fs::metadata(path).is_ok_and(|data| data.len() < 2)
             };
             let found = paths_below(&self.path, extension)?.into_iter().find(has_content);
             let _ = self.first[index].set(found.map(|(_, path)| Box::new(Self::new(&path))));
@@ -152,6 +153,19 @@ impl Probe {
             _ => Ok(()),
         }
     }
+}
+
+/// Texts about the data set that Roboflow puts beside the labels.
+const DESCRIPTIONS: [&str; 2] = ["README.dataset.txt", "README.roboflow.txt"];
+
+/// Whether a text file describes the data set of Roboflow.
+pub(super) fn is_description(path: &Path) -> bool {
+    DESCRIPTIONS.iter().any(|name| path.ends_with(name))
+}
+
+/// Whether a text file is no label file: names of classes, Roboflow's description of a data set.
+fn is_beside_labels(name: &str) -> bool {
+    name.ends_with("classes.txt") || is_description(Path::new(name))
 }
 
 /// How a text begins.

@@ -12,10 +12,10 @@ use super::import::Import;
 use super::options::ReadOptions;
 use super::poses::{inverse, matrix4, rotation_of, rows};
 use super::probe::Words;
-use super::text::{Line, lines};
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
+use crate::text::{Line, lines};
 
 /// Maximum time difference between an image and its pose, in seconds, by default.
 const TIME_TOLERANCE: f64 = 0.02;

@@ -5,8 +5,9 @@ use std::collections::HashMap;
 
 use nalgebra::{Matrix3x4, Vector2};
 use quadlift::geometry::{BoundingBox, BoundingBoxError, CamFromWorld, Camera, CameraModel, Ellipse, Projection};
-use quadlift::scene::{DetectionInput, RigCamera, Scene, SceneBuilder, SceneError};
+use quadlift::scene::{Cues, DepthCue, DetectionInput, RigCamera, Scene, SceneBuilder, SceneError};
 
+use super::cue_records::Box3dRecord;
 use super::records::{
     CameraRecord, DetectionRecord, FrameRecord, OrientedBoxRecord, RIG_FRAME, SceneFile, SegmentationRecord,
 };
@@ -153,11 +154,52 @@ impl SceneFile {
 }
 
 /// The pose of a frame; `None` where it has none that is valid.
-pub(super) fn pose_of(frame: &FrameRecord) -> Option<CamFromWorld> {
+fn pose_of(frame: &FrameRecord) -> Option<CamFromWorld> {
     match (&frame.cam_from_world, &frame.projection) {
         (Some(rows), _) => CamFromWorld::new(matrix(rows)).ok(),
         (None, Some(rows)) => Projection::from_matrix(matrix(rows)).ok()?.camera_pose(),
         (None, None) => None,
+    }
+}
+
+impl DetectionRecord {
+    /// The depth and the 3D box, checked; `source_of` gives the index of a source, `pose` is that of the frame.
+    ///
+    /// # Errors
+    /// [`EntryError`] names the first field that is out of range; `entry` makes a place of the name of the field.
+    pub fn cues(
+        &self,
+        mut source_of: impl FnMut(&str) -> Result<u32, SceneError>,
+        pose: impl Fn() -> Option<CamFromWorld>,
+        entry: impl Fn(&str) -> String,
+    ) -> Result<Cues, EntryError> {
+        let mut source = |name: &Option<Box<str>>, field: &str| {
+            let index = name.as_deref().map(&mut source_of).transpose();
+            index.map_err(|error| EntryError::new(entry(field), error))
+        };
+        let mut cues = Cues::default();
+        if let Some(depth) = self.depth.as_deref() {
+            let source = source(&depth.source, ".depth.source")?;
+            cues.depth = Some(DepthCue { median: depth.median, sd: depth.sd, source });
+            cues.check().map_err(|error| EntryError::new(entry(".depth"), error))?;
+        }
+        if let Some(record) = self.box3d.as_deref() {
+            let source = source(&record.source, ".box3d.source")?;
+            let box3d = record.cue(source, pose, |field| entry(&format!(".box3d{field}")))?;
+            Cues { depth: None, box3d: Some(box3d) }
+                .check()
+                .map_err(|error| EntryError::new(entry(".box3d"), error))?;
+            cues.box3d = Some(box3d);
+        }
+        Ok(cues)
+    }
+}
+
+impl Box3dRecord {
+    /// Whether it is a valid box in front of the camera of a frame.
+    pub(crate) fn is_in_front_of(&self, frame: &FrameRecord) -> bool {
+        let cue = self.cue(None, || pose_of(frame), str::to_owned);
+        cue.is_ok_and(|box3d| Cues { depth: None, box3d: Some(box3d) }.check().is_ok())
     }
 }
 

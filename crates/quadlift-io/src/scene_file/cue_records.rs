@@ -2,12 +2,10 @@
 
 use nalgebra::{Matrix3, Point3, Rotation3, SMatrix, Vector3};
 use quadlift::geometry::{CamFromWorld, quaternion_from_rotation, rotation_from_quaternion};
-use quadlift::scene::{Box3dCue, Box3dSd, Cues, DepthCue, SceneBuilder, SceneError};
+use quadlift::scene::{Box3dCue, Box3dSd, Cues, DepthCue, SceneBuilder};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::convert::pose_of;
-use super::records::{DetectionRecord, FrameRecord};
 use crate::error::EntryError;
 use crate::numbers;
 
@@ -111,47 +109,9 @@ impl CueSourceRecord {
     }
 }
 
-impl DetectionRecord {
-    /// The depth and the 3D box, checked; `source_of` gives the index of a source, `pose` is that of the frame.
-    ///
-    /// # Errors
-    /// [`EntryError`] names the first field that is out of range; `entry` makes a place of the name of the field.
-    pub fn cues(
-        &self,
-        mut source_of: impl FnMut(&str) -> Result<u32, SceneError>,
-        pose: impl Fn() -> Option<CamFromWorld>,
-        entry: impl Fn(&str) -> String,
-    ) -> Result<Cues, EntryError> {
-        let mut source = |name: &Option<Box<str>>, field: &str| {
-            let index = name.as_deref().map(&mut source_of).transpose();
-            index.map_err(|error| EntryError::new(entry(field), error))
-        };
-        let mut cues = Cues::default();
-        if let Some(depth) = self.depth.as_deref() {
-            let source = source(&depth.source, ".depth.source")?;
-            cues.depth = Some(DepthCue { median: depth.median, sd: depth.sd, source });
-            cues.check().map_err(|error| EntryError::new(entry(".depth"), error))?;
-        }
-        if let Some(record) = self.box3d.as_deref() {
-            let source = source(&record.source, ".box3d.source")?;
-            let box3d = record.cue(source, pose, |field| entry(&format!(".box3d{field}")))?;
-            Cues { depth: None, box3d: Some(box3d) }
-                .check()
-                .map_err(|error| EntryError::new(entry(".box3d"), error))?;
-            cues.box3d = Some(box3d);
-        }
-        Ok(cues)
-    }
-}
-
 impl Box3dRecord {
-    /// Whether it is a valid box in front of the camera of a frame.
-    pub(crate) fn is_in_front_of(&self, frame: &FrameRecord) -> bool {
-        let cue = self.cue(None, || pose_of(frame), str::to_owned);
-        cue.is_ok_and(|box3d| Cues { depth: None, box3d: Some(box3d) }.check().is_ok())
-    }
-
-    fn cue(
+    /// The box in the frame of the camera, whose pose is `pose`.
+    pub(super) fn cue(
         &self,
         source: Option<u32>,
         pose: impl Fn() -> Option<CamFromWorld>,

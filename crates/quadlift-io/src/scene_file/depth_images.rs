@@ -1,4 +1,4 @@
-//! Depth images of frames: their records, and the depths of detections that they show.
+//! Depth images of frames, and the depths of detections that they show.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -6,32 +6,14 @@ use std::path::Path;
 use quadlift::Observer;
 use quadlift::scene::{DepthCue, Scene, SceneParts};
 use quadlift_segment::{DepthImage, Mask, Patch};
-use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
 
 use super::images::SceneImages;
-use super::records::{FrameRecord, SceneFile};
+use super::records::{DepthImageRecord, FrameRecord, SceneFile};
 use crate::error::{EntryError, ReadError};
 use crate::images::read_depth_image_of_size;
 
 /// The source of depths from depth images without one.
 const DEFAULT_SOURCE: &str = "depth_image";
-
-/// A depth image of a frame: a PNG file with 16 bits per pixel.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(expecting = "an object {...}")]
-pub struct DepthImageRecord {
-    /// Path of the file, relative to the scene file.
-    pub path: String,
-    /// World units of one count; 0.001 for millimeters in a world in meters.
-    pub scale: f64,
-    /// Depth network or sensor: depths of one source may share a wrong scale. `depth_image` without one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub source: Option<Box<str>>,
-    /// Unknown fields.
-    #[serde(flatten)]
-    pub extra: Map<String, Value>,
-}
 
 impl DepthImageRecord {
     /// Refuses a scale that is none.

@@ -29,19 +29,18 @@ mod tests;
 
 pub use bodies::{ObjectBodies, coordinates_name};
 pub use cue_records::{Box3dRecord, Box3dSdRecord, CueSourceRecord, DepthRecord, cue_records};
-pub use depth_images::{DepthImageRecord, DepthsFound};
+pub use depth_images::DepthsFound;
 pub use images::{MaskSource, SceneImages};
 pub use object_records::{
     AlternativeRecord, BodyRecord, CovarianceRecord, CrossValidationRecord, CuboidRecord, CylinderRecord,
     EllipsoidRecord, MisfitRecord, ObjectRecord, SuperellipsoidRecord, ViewRecord,
 };
 pub use paths::way_to_file;
-pub use point_clouds::PointCloudRecord;
 pub(crate) use read::parse_json_line;
 pub use read::{parse_scene_file, read_scene_file};
 pub use records::{
-    CameraRecord, DetectionRecord, EllipseRecord, FORMAT, FrameRecord, MaskRecord, OrientedBoxRecord, REFERENCE,
-    RIG_FRAME, RleCounts, RleRecord, SceneFile, SegmentationRecord, VERSION,
+    CameraRecord, DepthImageRecord, DetectionRecord, EllipseRecord, FORMAT, FrameRecord, MaskRecord, OrientedBoxRecord,
+    PointCloudRecord, REFERENCE, RIG_FRAME, RleCounts, RleRecord, SceneFile, SegmentationRecord, VERSION,
 };
 pub use results::{Detail, cross_validation_of_object, estimates_to_objects};
 pub use run::{count_localized, fitted_body_name};

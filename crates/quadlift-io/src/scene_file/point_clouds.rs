@@ -9,14 +9,11 @@ use nalgebra::{Matrix3, Matrix3x4, Matrix4, Point3, Vector2};
 use quadlift::Observer;
 use quadlift::scene::{DepthCue, Frame, Scene, SceneBuilder};
 use quadlift_segment::{ProjectedPoint, SurfaceOfPoints, surface_of_points};
-use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
 
 use super::depth_images::{DepthsFound, FoundDepth, add, patch_of};
-use super::records::{FrameRecord, SceneFile};
+use super::records::{FrameRecord, PointCloudRecord, SceneFile};
 use crate::error::{EntryError, ReadError};
-use crate::numbers;
-use crate::read::point_cloud::read_point_cloud;
+use crate::point_cloud::read_point_cloud;
 use crate::wording;
 
 /// The source of depths from a cloud without one, and of those from the scene's points.
@@ -25,27 +22,6 @@ const POINTS_SOURCE: &str = "points";
 
 /// Most points of clouds that are kept for the next frames.
 const MOST_CACHED_POINTS: usize = 20_000_000;
-
-/// A file of points: a sweep of a LiDAR that belongs to a frame, or points of the whole scene.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(expecting = "an object {...}")]
-pub struct PointCloudRecord {
-    /// Path of the file, relative to the scene file.
-    pub path: String,
-    /// What the points are in: `camera` (x to the right, y down, z forwards; the default of a frame's) or `world` (the default, and the only
-    /// one, of the scene's).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub frame: Option<Box<str>>,
-    /// Three rows `[a, b, c, t]` that map points of the file to `frame`; none where they are in it.
-    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "numbers::optional_matrix")]
-    pub transform: Option<[[f64; 4]; 3]>,
-    /// Sensor: depths of one source may share a wrong scale. `point_cloud` without one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub source: Option<Box<str>>,
-    /// Unknown fields.
-    #[serde(flatten)]
-    pub extra: Map<String, Value>,
-}
 
 impl PointCloudRecord {
     /// Refuses an unknown frame.

@@ -14,9 +14,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value};
 
 use super::cue_records::{Box3dRecord, CueSourceRecord, DepthRecord};
-use super::depth_images::DepthImageRecord;
 use super::object_records::ObjectRecord;
-use super::point_clouds::PointCloudRecord;
 use crate::numbers;
 
 /// The value of `format` in a scene file.
@@ -184,6 +182,43 @@ pub struct FrameRecord {
     /// Time in seconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time: Option<f64>,
+    /// Unknown fields.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+/// A depth image of a frame: a PNG file with 16 bits per pixel.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(expecting = "an object {...}")]
+pub struct DepthImageRecord {
+    /// Path of the file, relative to the scene file.
+    pub path: String,
+    /// World units of one count; 0.001 for millimeters in a world in meters.
+    pub scale: f64,
+    /// Depth network or sensor: depths of one source may share a wrong scale. `depth_image` without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<Box<str>>,
+    /// Unknown fields.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
+/// A file of points: a sweep of a LiDAR that belongs to a frame, or points of the whole scene.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(expecting = "an object {...}")]
+pub struct PointCloudRecord {
+    /// Path of the file, relative to the scene file.
+    pub path: String,
+    /// What the points are in: `camera` (x to the right, y down, z forwards; the default of a frame's) or `world` (the default, and the only
+    /// one, of the scene's).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame: Option<Box<str>>,
+    /// Three rows `[a, b, c, t]` that map points of the file to `frame`; none where they are in it.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "numbers::optional_matrix")]
+    pub transform: Option<[[f64; 4]; 3]>,
+    /// Sensor: depths of one source may share a wrong scale. `point_cloud` without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<Box<str>>,
     /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,

@@ -3,7 +3,7 @@
 
 mod result;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
@@ -16,7 +16,8 @@ use quadlift_segment::{
 };
 
 use crate::problems::{Problem, Problems};
-use crate::scene_file::{MaskSource, SceneImages};
+use crate::read::detections::numbers_of_frames;
+use crate::scene_file::{MaskSource, SceneFile, SceneImages};
 use crate::video::file_of_image;
 
 pub use result::add_to_scene;
@@ -369,4 +370,43 @@ fn image_size(scene: &Scene, frame: usize, detections: &[usize], segmentation: &
     let of_crops = detections.iter().find_map(|&index| Some(segmentation.crops[index].as_ref()?.image_size()));
     // Images and masks of another size have been refused, so that the camera's is a whole number where there is one.
     of_crops.or_else(|| scene.frames[frame].image_size.map(|size: Vector2<f64>| [size.x as u32, size.y as u32]))
+}
+
+/// Sets the images of a scene to the frames of a video, which is named by its path as seen from the scene file. Frames with
+/// numbers in their names are those frames of the video, from 0, or from 1 if that is the first number; without numbers
+/// they are its frames in their order. Returns the first pair, in words.
+pub fn set_video(scene: &mut SceneFile, video: &str) -> Option<String> {
+    let numbers = numbers_of_frames(&scene.frames);
+    let first = numbers.as_ref().and_then(|numbers| numbers.keys().next().copied()).unwrap_or_default();
+    let offset = if first == 1 { 1 } else { 0 };
+    let number_of: HashMap<usize, i64> =
+        numbers.iter().flatten().map(|(number, frame)| (*frame, number - offset)).collect();
+    for (index, frame) in scene.frames.iter_mut().enumerate() {
+        let number = number_of.get(&index).copied().unwrap_or(index as i64);
+        frame.image = Some(format!("{video}#frame={number}"));
+    }
+    let frame = scene.frames.first()?;
+    let kind = if numbers.is_some() { "the numbers in their names" } else { "their places in the scene" };
+    let image = frame.image.as_deref()?;
+    Some(format!("images were taken from the video by {kind}: frame \"{}\" is {image}", frame.id))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene_file::FrameRecord;
+
+    #[test]
+    fn frames_of_a_scene_are_those_of_their_numbers() {
+        let images = |ids: &[&str]| {
+            let frames = ids.iter().map(|id| FrameRecord { id: (*id).to_owned(), ..FrameRecord::default() });
+            let mut scene = SceneFile { frames: frames.collect(), ..SceneFile::default() };
+            let note = set_video(&mut scene, "d.mp4").unwrap();
+            (scene.frames.into_iter().map(|frame| frame.image.unwrap()).collect::<Vec<_>>(), note)
+        };
+        assert_eq!(images(&["a", "b"]).0, ["d.mp4#frame=0", "d.mp4#frame=1"]);
+        assert_eq!(images(&["f_0001.png", "f_0003.png"]).0, ["d.mp4#frame=0", "d.mp4#frame=2"]);
+        assert_eq!(images(&["000090", "000092"]).0, ["d.mp4#frame=90", "d.mp4#frame=92"]);
+        insta::assert_snapshot!(images(&["f_0001.png"]).1, @r#"images were taken from the video by the numbers in their names: frame "f_0001.png" is d.mp4#frame=0"#);
+    }
 }

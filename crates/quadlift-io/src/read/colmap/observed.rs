@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::points::{Point, chosen};
 use crate::error::ReadError;
 use crate::read::bytes::Bytes;
-use crate::read::text::Line;
+use crate::text::Line;
 
 /// A point that was observed in an image.
 pub(super) struct Observed {

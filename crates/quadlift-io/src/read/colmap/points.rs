@@ -1,11 +1,11 @@
 //! The sparse points of a COLMAP model (`points3D`), as text or binary: the best of them, evenly spread.
 
 use super::super::bytes::Bytes;
-use super::super::text::lines;
 use super::File;
 use crate::error::ReadError;
 use crate::input::as_utf8;
 use crate::numbers::significant;
+use crate::text::lines;
 
 /// Default maximum number of points. They take 150 kB in a scene file.
 pub const DEFAULT_POINTS: usize = 5000;

@@ -11,12 +11,12 @@ use nalgebra::{Matrix4, Vector3};
 
 use super::super::bytes::Bytes;
 use super::super::poses::{from_rows, inverse, matrix4, rotation_of, rows};
-use super::super::text::{Fields, lines};
 use super::File;
 use crate::error::ReadError;
 use crate::input::as_utf8;
 use crate::numbers::significant;
 use crate::scene_file::{FrameRecord, RIG_FRAME};
+use crate::text::{Fields, lines};
 use crate::wording::count;
 
 /// Largest difference between the pose of an image and that of its frame, in radians and relative to the extent of the cameras.

@@ -7,11 +7,12 @@ use quadlift::geometry::{BoundingBox, Ellipse, OrientedBox};
 use quadlift::scene::check_outline;
 use quadlift_segment::Rle;
 
-use super::files::{Detected, DetectionFiles, ImageKey, Outline, extent};
+use super::files::{Detected, DetectionFiles, DetectionFormat, ImageKey, Outline, extent};
 use super::matching::{MatchBy, MatchOptions, match_frames, stem};
 use crate::correct::shift;
 use crate::error::ReadError;
-use crate::read::{DetectionFormat, PixelCenters, ReadOptions};
+use crate::read::import::PixelCenters;
+use crate::read::options::ReadOptions;
 use crate::scene_file::{DetectionRecord, FrameRecord, MaskRecord, RleCounts, RleRecord, SceneFile};
 use crate::wording::count;
 

@@ -7,11 +7,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::csv::table;
-use super::files::{Detected, DetectedImage, DetectionFiles, ImageKey};
+use super::files::{Detected, DetectedImage, DetectionFiles, DetectionFormat, ImageKey};
 use super::table::Row;
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
-use crate::read::format::{DetectionFormat, Format};
+use crate::read::format::Format;
 use crate::scene_file::Box3dRecord;
 
 /// The columns that are needed, in the order of the file.

@@ -8,10 +8,12 @@ use std::path::{Path, PathBuf};
 
 use quadlift_segment::{Polygons, Rle};
 
-use super::files::{ByImage, Detected, DetectionFiles, File, ImageKey, Numbering, Outline, edges_of_size};
+use super::files::{
+    ByImage, Detected, DetectionFiles, DetectionFormat, File, ImageKey, Numbering, Outline, edges_of_size,
+};
 use crate::error::ReadError;
 use crate::input::{paths_below, read_bytes};
-use crate::read::format::{DetectionFormat, Format};
+use crate::read::format::Format;
 use crate::read::json::{Node, parse_json};
 use crate::scene_file::{RleCounts, RleRecord};
 use crate::wording::count;

@@ -6,12 +6,12 @@
 
 use std::path::Path;
 
-use super::files::DetectionFiles;
+use super::files::{DetectionFiles, DetectionFormat};
 use super::names::names;
 use super::table::{Row, Table, TableOptions, table_options};
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
-use crate::read::format::{DetectionFormat, Format};
+use crate::read::format::Format;
 
 /// The columns of a table that does not name them.
 const COLUMNS: [&str; 6] = ["frame", "x0", "y0", "x1", "y1", "score"];

@@ -7,11 +7,13 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 
-use super::files::{ByImage, Detected, DetectedImage, DetectionFiles, ImageKey, Numbering, Outline, checked_edges};
+use super::files::{
+    ByImage, Detected, DetectedImage, DetectionFiles, DetectionFormat, ImageKey, Numbering, Outline, checked_edges,
+};
 use super::shapes::{PixelBudget, add_part, mask_of_rows, turned_box};
 use crate::error::ReadError;
 use crate::input::{paths_below, read_bytes};
-use crate::read::format::{DetectionFormat, Format};
+use crate::read::format::Format;
 use crate::read::xml::{DocumentType, Element, Xml};
 
 /// Name of the file in an export.

@@ -5,10 +5,14 @@ use std::path::{Path, PathBuf};
 
 use crate::error::ReadError;
 use crate::input::{paths_below, read_bytes};
+use crate::read::format::Format;
 use crate::scene_file::{Box3dRecord, RleRecord};
 
 /// A file with its bytes.
 pub type File<'a> = (&'a Path, &'a [u8]);
+
+/// A format of detections.
+pub type DetectionFormat = Format<DetectionFiles>;
 
 /// The detections in a file or folder of another program.
 #[derive(Debug, Clone, PartialEq, Default)]

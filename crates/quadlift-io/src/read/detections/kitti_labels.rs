@@ -5,12 +5,14 @@
 
 use std::path::Path;
 
-use super::files::{ByImage, Detected, DetectionFiles, ImageKey, LabelFile, Numbering, checked_edges, label_files};
+use super::files::{
+    ByImage, Detected, DetectionFiles, DetectionFormat, ImageKey, LabelFile, Numbering, checked_edges, label_files,
+};
 use crate::error::ReadError;
 use crate::input::as_utf8;
-use crate::read::format::{DetectionFormat, Format};
+use crate::read::format::Format;
 use crate::read::kitti_labels::{Benchmark, KittiLabel, parse_labels_of};
-use crate::read::text::lines;
+use crate::text::lines;
 
 /// The row of this format.
 pub(super) const FORMAT: DetectionFormat = Format {

@@ -8,13 +8,13 @@
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-use super::files::{ByImage, Detected, DetectionFiles, ImageKey, Numbering, Outline, edges_of_size};
+use super::files::{ByImage, Detected, DetectionFiles, DetectionFormat, ImageKey, Numbering, Outline, edges_of_size};
 use super::label_studio_brush::mask_of_brush;
 use super::label_studio_links::{image_name, is_video};
 use super::shapes::{PixelBudget, turned_box};
 use crate::error::ReadError;
 use crate::input::read_bytes;
-use crate::read::format::{DetectionFormat, Format};
+use crate::read::format::Format;
 use crate::read::json::{Node, parse_json};
 
 /// Most boxes between keyframes in a file: two keyframes of a few bytes may be any number of frames apart.

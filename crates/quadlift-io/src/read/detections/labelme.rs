@@ -6,10 +6,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::files::{Detected, DetectedImage, DetectionFiles, ImageKey, LabelFile, Numbering, Outline, label_files};
+use super::files::{
+    Detected, DetectedImage, DetectionFiles, DetectionFormat, ImageKey, LabelFile, Numbering, Outline, label_files,
+};
 use super::shapes::add_part;
 use crate::error::ReadError;
-use crate::read::format::{DetectionFormat, Format};
+use crate::read::format::Format;
 use crate::read::json::{Node, parse_json};
 
 /// The row of this format.

@@ -31,11 +31,9 @@ mod matching;
 mod tests;
 
 pub use add::{AddOptions, AddedDetections, add_detections};
-pub use files::{Detected, DetectedImage, DetectionFiles, ImageKey, Numbering, Outline};
+pub use files::{Detected, DetectedImage, DetectionFiles, DetectionFormat, ImageKey, Numbering, Outline};
 pub use matching::MatchBy;
 pub(crate) use matching::numbers_of_frames;
-
-use super::format::DetectionFormat;
 
 /// The formats of detections, in the order of recognition.
 pub const DETECTIONS: &[DetectionFormat] = &[

@@ -6,15 +6,15 @@
 
 use std::path::{Path, PathBuf};
 
-use super::files::{ByImage, Detected, DetectionFiles, ImageKey, Numbering, edges_of_size};
+use super::files::{ByImage, Detected, DetectionFiles, DetectionFormat, ImageKey, Numbering, edges_of_size};
 use super::names::{ClassNames, names};
 use super::yolo;
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
-use crate::read::format::{DetectionFormat, Format};
+use crate::read::format::Format;
 use crate::read::options::ReadOptions;
 use crate::read::probe::Words;
-use crate::read::text::{Line, lines};
+use crate::text::{Line, lines};
 
 /// Where the files of a sequence lie.
 const PLACES: [&str; 2] = ["gt/gt.txt", "det/det.txt"];

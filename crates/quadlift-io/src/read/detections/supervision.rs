@@ -10,12 +10,12 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::csv::table;
-use super::files::DetectionFiles;
+use super::files::{DetectionFiles, DetectionFormat};
 use super::names::names;
 use super::table::{Row, Table, TableOptions, is_column, table_options};
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
-use crate::read::format::{DetectionFormat, Format};
+use crate::read::format::Format;
 use crate::read::json::{Node, parse_json};
 
 /// The row of this format.

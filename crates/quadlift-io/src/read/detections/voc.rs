@@ -8,10 +8,11 @@
 use std::path::Path;
 
 use super::files::{
-    Detected, DetectedImage, DetectionFiles, ImageKey, LabelFile, Numbering, checked_edges, label_files,
+    Detected, DetectedImage, DetectionFiles, DetectionFormat, ImageKey, LabelFile, Numbering, checked_edges,
+    label_files,
 };
 use crate::error::ReadError;
-use crate::read::format::{DetectionFormat, Format};
+use crate::read::format::Format;
 use crate::read::xml::{DocumentType, Element, Xml};
 
 /// The row of this format.

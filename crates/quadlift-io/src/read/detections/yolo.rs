@@ -9,31 +9,20 @@ use std::path::Path;
 
 pub use super::yolo_columns::{ExtraColumns, YoloKind};
 
-use super::files::{Detected, DetectedImage, DetectionFiles, ImageKey, LabelFile, Numbering, Outline, label_files};
+use super::files::{
+    Detected, DetectedImage, DetectionFiles, DetectionFormat, ImageKey, LabelFile, Numbering, Outline, label_files,
+};
 use super::names::{ClassNames, names, read_names};
 use super::yolo_columns::{Fields, LabelLine, columns};
 use crate::error::ReadError;
 use crate::input::as_utf8;
-use crate::read::format::{DetectionFormat, Format};
+use crate::read::format::Format;
 use crate::read::options::ReadOptions;
-use crate::read::probe::Words;
-use crate::read::text::lines;
+use crate::read::probe::{Words, is_description};
+use crate::text::lines;
 
 /// Files with class names, beside the labels or in one of two parent folders.
 const NAMES: [&str; 5] = ["data.yaml", "dataset.yaml", "classes.txt", "obj.names", "_darknet.labels"];
-
-/// Texts about the data set that Roboflow puts beside the labels.
-const DESCRIPTIONS: [&str; 2] = ["README.dataset.txt", "README.roboflow.txt"];
-
-/// Whether a text file describes the data set of Roboflow.
-fn is_description(path: &Path) -> bool {
-    DESCRIPTIONS.iter().any(|name| path.ends_with(name))
-}
-
-/// Whether a text file is no label file: names of classes, Roboflow's description of a data set.
-pub(crate) fn is_beside_labels(name: &str) -> bool {
-    name.ends_with("classes.txt") || is_description(Path::new(name))
-}
 
 /// Whether a line holds a class and coordinates, which come before a score or an id.
 pub(super) fn is_label(line: &Words) -> bool {

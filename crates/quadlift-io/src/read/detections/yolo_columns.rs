@@ -5,7 +5,7 @@
 //! box with a score or an id, and an even number of them is a polygon, or a shorter polygon with both.
 
 use crate::error::ReadError;
-use crate::read::text::Line;
+use crate::text::Line;
 
 /// Maximum difference of opposite sides of a rotated box, as a fraction of the image size: the files have six digits.
 const PARALLEL: f64 = 1e-4;

@@ -1,6 +1,7 @@
 //! Depths of points: which points count for which detection, and where.
 
-use serde_json::json;
+use serde::Serialize;
+use serde_json::{Value, json};
 
 use super::*;
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::{Kind, number};
 use crate::error::ReadError;
-use crate::read::text::lines;
+use crate::text::lines;
 
 /// What the header says of the vertices.
 struct Header<'a> {

@@ -5,9 +5,9 @@ mod ply;
 
 use std::path::Path;
 
-use super::text::lines;
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
+use crate::text::lines;
 
 /// Reads the points of a file from its bytes.
 type Parse = fn(&Path, &[u8]) -> Result<Vec<[f64; 3]>, ReadError>;
