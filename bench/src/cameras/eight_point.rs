@@ -2,7 +2,7 @@
 //! *Multiple View Geometry*, 2nd edition, sections 9.6 and 11.2), written for the comparison.
 
 use quadlift::nalgebra::{DMatrix, Matrix3, Vector3};
-use quadlift::synthetic::random::stream;
+use quadlift::random::stream;
 use rand::RngExt;
 
 /// Samples of RANSAC, and the distance from the epipolar line up to which a pair of centers agrees (coordinates X / Z).

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
 use quadlift::geometry::BoundingBox;
-use quadlift::synthetic::random::{normal, stream};
+use quadlift::random::{normal, stream};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 

@@ -70,6 +70,7 @@ pub mod online;
 mod optimize;
 pub mod options;
 mod parallel;
+pub mod random;
 pub mod run;
 pub mod scene;
 pub mod solve;

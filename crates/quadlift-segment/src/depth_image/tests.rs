@@ -1,7 +1,7 @@
 //! Depth images of known bodies; the depths are those of rays.
 
 use quadlift::geometry::BoundingBox;
-use quadlift::synthetic::random::stream;
+use quadlift::random::stream;
 
 use super::*;
 use crate::surface::{ERROR_IN_BOX, ERROR_IN_MASK};

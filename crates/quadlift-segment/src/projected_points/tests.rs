@@ -1,7 +1,7 @@
 //! Points on known bodies, before and behind them.
 
 use quadlift::geometry::BoundingBox;
-use quadlift::synthetic::random::{normal, stream};
+use quadlift::random::{normal, stream};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 

@@ -2,8 +2,8 @@
 
 use nalgebra::{Matrix3, Matrix3x4, Point3, Vector3};
 use quadlift::geometry::{CamFromWorld, CameraError, Intrinsics};
+use quadlift::random::normal;
 use quadlift::synthetic::SyntheticFrame;
-use quadlift::synthetic::random::normal;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -101,7 +101,7 @@ pub(super) fn look(position: &Point3<f64>, target: &Point3<f64>, roll: f64) -> R
 mod tests {
     use super::*;
     use quadlift::geometry::Projection;
-    use quadlift::synthetic::random::stream;
+    use quadlift::random::stream;
 
     #[test]
     fn cameras_look_at_the_target_upright() {

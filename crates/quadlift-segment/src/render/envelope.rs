@@ -90,7 +90,7 @@ mod tests {
     use super::super::texture::Color;
     use super::*;
     use quadlift::geometry::ConvexBody;
-    use quadlift::synthetic::random::{rotation, stream};
+    use quadlift::random::{rotation, stream};
 
     #[test]
     fn the_envelope_of_a_cuboid_is_known() {

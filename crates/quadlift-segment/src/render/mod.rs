@@ -19,8 +19,8 @@ pub use options::RenderOptions;
 
 use image::RgbImage;
 use quadlift::geometry::{Body, BoundingBox, Projection};
+use quadlift::random::{normal, stream};
 use quadlift::scene::{DetectionInput, SceneBuilder};
-use quadlift::synthetic::random::{normal, stream};
 use quadlift::synthetic::{SyntheticError, SyntheticScene};
 
 use crate::label_image::LabelImage;

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Rotation3, Vector3};
 use quadlift::geometry::Ellipsoid;
-use quadlift::synthetic::random;
+use quadlift::random;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 

@@ -1,7 +1,7 @@
 //! The camera's sensor: a little blur, changing exposure, and noise that grows with the light.
 
 use image::RgbImage;
-use quadlift::synthetic::random::normal;
+use quadlift::random::normal;
 use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 
@@ -76,7 +76,7 @@ fn blur(image: &[Color], width: usize, height: usize, sigma: f32) -> Vec<Color> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use quadlift::synthetic::random::stream;
+    use quadlift::random::stream;
 
     #[test]
     fn the_noise_has_the_moments_of_the_normal_distribution() {

@@ -167,7 +167,7 @@ fn intersection(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use quadlift::synthetic::random::{rotation, stream};
+    use quadlift::random::{rotation, stream};
     use rand::RngExt;
 
     const SHAPES: [Shape; 3] = [Shape::Ellipsoid, Shape::Cuboid, Shape::Cylinder];

@@ -1,7 +1,7 @@
 //! Solid textures: a color for every point of space.
 
 use nalgebra::Vector3;
-use quadlift::synthetic::random::normal;
+use quadlift::random::normal;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -84,7 +84,7 @@ pub(super) fn any_color(rng: &mut ChaCha8Rng, range: std::ops::Range<f32>) -> Co
 #[cfg(test)]
 mod tests {
     use super::*;
-    use quadlift::synthetic::random::stream;
+    use quadlift::random::stream;
 
     #[test]
     fn waves_are_smooth_and_periodic() {

@@ -1,7 +1,7 @@
 //! The world: objects close together on the ground, clutter around them, a light, and the path of the camera.
 
 use nalgebra::{Point3, Rotation3, Vector2, Vector3};
-use quadlift::synthetic::random::normal;
+use quadlift::random::normal;
 use rand::RngExt;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -136,7 +136,7 @@ fn clutter(rng: &mut ChaCha8Rng, radius: f64, colors: &[Color], path: &Path) -> 
 mod tests {
     use super::*;
     use quadlift::geometry::ConvexBody;
-    use quadlift::synthetic::random::stream;
+    use quadlift::random::stream;
 
     #[test]
     fn nothing_stands_in_an_object() {

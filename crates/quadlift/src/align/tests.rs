@@ -10,8 +10,8 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::{AlignOptions, AlignStatus, Alignment, Ambiguity, CommonUp, MapObject, align};
 use crate::geometry::{Ellipsoid, Similarity, rotation_vector};
+use crate::random::{normal, rotation};
 use crate::solve::{Covariance, CovarianceCoordinates, Matrix9};
-use crate::synthetic::random::{normal, rotation};
 
 /// A room of 8 x 6 m with objects of so many categories; z is up.
 fn room(rng: &mut ChaCha8Rng, objects: usize, categories: usize) -> Vec<MapObject> {

@@ -6,7 +6,7 @@ use super::adjust::Adjusted;
 use super::assemble::{Bodies, Pair, Tree, across_pair, place};
 use super::prepared::Prepared;
 use super::problem::{Problem, State};
-use super::solve::{Solution, best_start, bodies};
+use super::solution::{Solution, best_start, bodies};
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::rigid::Pose;
 use crate::parallel::map_indices;

@@ -3,8 +3,7 @@
 
 use super::adjust::{log_focal, uncertainty};
 use super::outcome::{median, memory};
-use super::problem::Problem;
-use super::solve::Solution;
+use super::solution::Solution;
 use super::{CalibratedCamera, Contradiction};
 
 /// A camera whose edges are off by more than this many times as much as those of the others does not see what they see.
@@ -25,18 +24,11 @@ const WRONG_LOG_FOCAL_OF_TWO: f64 = 0.1;
 /// Cosine of the angle between the vertical and that of an image, from which on the image has an upper side.
 const HAS_UPPER_SIDE: f64 = 0.3;
 
-/// The noise of the edges of a camera.
-pub(super) fn edge_sd(problem: &Problem, camera: usize) -> Option<f64> {
-    let category = problem.shapes[problem.sites.first()?.shape].category;
-    let [center, height] = problem.levels[category].0;
-    Some((0.5 * (center * center + height * height)).sqrt() * problem.noise_ratios[camera])
-}
-
 /// The cameras that contradict the others most: one, or more where it cannot be said which. `answers`: what is said of them otherwise.
 pub(super) fn contradictions(solution: &Solution, answers: &[CalibratedCamera]) -> Vec<(usize, Contradiction)> {
     let Solution { problem, placed, .. } = solution;
     let cameras: Vec<usize> = (0..placed.len()).filter(|&camera| placed[camera]).collect();
-    let noise = |camera: usize| edge_sd(problem, camera).unwrap_or(0.0);
+    let noise = |camera: usize| problem.edge_sd(camera).unwrap_or(0.0);
     let over_others = |camera: usize| {
         let others = cameras.iter().filter(|&&other| other != camera).map(|&other| noise(other));
         noise(camera) / median(others.collect()).unwrap_or(f64::INFINITY)

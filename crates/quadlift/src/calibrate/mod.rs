@@ -16,14 +16,22 @@ mod pairs;
 mod predicted;
 mod prepared;
 mod problem;
-mod solve;
+mod solution;
 #[cfg(test)]
 mod tests;
 
 use nalgebra::{Matrix6, Unit, Vector2, Vector3};
 
+use self::alternatives::alternatives;
+use self::assemble::{Pair, Tree, pairs, tree};
+use self::contradictions::contradictions;
+use self::prepared::Prepared;
+use self::solution::{Solution, refine, solution};
 use crate::geometry::{BoundingBox, CamFromWorld, Intrinsics};
 use crate::solve::SizePrior;
+
+/// Better solutions that are taken up, one after another.
+const MOST_BETTER: usize = 3;
 
 /// A fixed camera.
 #[derive(Debug, Clone, PartialEq)]
@@ -259,5 +267,50 @@ impl Calibration {
 
 /// Finds the poses of the cameras of a rig. The same input gives the same answer.
 pub fn calibrate(rig: &Rig, options: &CalibrateOptions) -> Calibration {
-    solve::calibrate(rig, options)
+    let prepared = Prepared::new(rig);
+    let mut pairs = pairs(&prepared, options.seed);
+    let mut known: Vec<Option<Contradiction>> = vec![None; rig.cameras.len()];
+    loop {
+        let tree = tree(&prepared, &pairs);
+        let Some((solution, ambiguous)) = solved(&prepared, &pairs, &tree, options) else {
+            return outcome::nothing(rig, &pairs, &known);
+        };
+        let answer = outcome::calibration(&prepared, &pairs, &tree, &solution, &ambiguous, &known);
+        let found = contradictions(&solution, &answer.cameras);
+        if found.is_empty() {
+            return answer;
+        }
+        found.iter().for_each(|&(camera, contradiction)| known[camera] = Some(contradiction));
+        if found.iter().any(|&(camera, _)| rig.cameras[camera].cam_from_world.is_some()) {
+            let sought = (0..rig.cameras.len()).filter(|&camera| solution.problem.free[camera]);
+            sought.for_each(|camera| known[camera] = known[camera].or(Some(Contradiction::GivenPoses)));
+            return outcome::nothing(rig, &pairs, &known);
+        }
+        // The others may be right without it.
+        for pair in pairs.iter_mut().filter(|pair| pair.cameras.iter().any(|&camera| known[camera].is_some())) {
+            pair.poses.clear();
+            pair.status = CameraStatus::Inconsistent;
+        }
+    }
+}
+
+/// The best solution of cameras that hang together, and which of them have another one that is about as good.
+fn solved(
+    prepared: &Prepared,
+    pairs: &[Pair],
+    tree: &Tree,
+    options: &CalibrateOptions,
+) -> Option<(Solution, Vec<bool>)> {
+    let mut solution = solution(prepared, tree, &tree.poses, options)?;
+    refine(prepared, &mut solution);
+    let mut found = alternatives(prepared, pairs, tree, &solution);
+    for _ in 0..MOST_BETTER {
+        let Some((poses, up)) = found.better.take() else { break };
+        let mut next = solution.clone();
+        next.restart(prepared, poses, up);
+        refine(prepared, &mut next);
+        solution = next;
+        found = alternatives(prepared, pairs, tree, &solution);
+    }
+    Some((solution, found.ambiguous))
 }

@@ -6,11 +6,10 @@ use nalgebra::{Matrix3, Matrix6, Unit, Vector3};
 
 use super::adjust::{Layout, Uncertainty, uncertainty};
 use super::assemble::{FEWEST_SHARED, Pair, Tree};
-use super::contradictions::edge_sd;
 use super::predicted::Predicted;
 use super::prepared::Prepared;
 use super::problem::Unknown;
-use super::solve::{ARBITRARY_SD, Solution, block};
+use super::solution::{ARBITRARY_SD, Solution, block};
 use super::{CalibratedCamera, Calibration, CameraStatus, Contradiction, Rig, RigScale, Vertical};
 use crate::geometry::rigid::Pose;
 
@@ -245,7 +244,7 @@ pub(super) fn calibration(
             instants: of_camera_seen.instants.len(),
             residual_px: (of_camera_seen.edges > 0)
                 .then(|| (of_camera_seen.squares / of_camera_seen.edges as f64).sqrt()),
-            edge_sd: solution.placed[index].then(|| edge_sd(problem, index)).flatten(),
+            edge_sd: solution.placed[index].then(|| problem.edge_sd(index)).flatten(),
             contradiction: None,
         };
         if let Some(given) = rig.cameras[index].cam_from_world {

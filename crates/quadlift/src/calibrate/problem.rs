@@ -182,6 +182,13 @@ pub(super) struct Row {
 }
 
 impl Problem {
+    /// The noise of the edges of a camera.
+    pub(super) fn edge_sd(&self, camera: usize) -> Option<f64> {
+        let category = self.shapes[self.sites.first()?.shape].category;
+        let [center, height] = self.levels[category].0;
+        Some((0.5 * (center * center + height * height)).sqrt() * self.noise_ratios[camera])
+    }
+
     /// The rows of a site; `None` where a body is not in front of a camera.
     pub(super) fn rows(&self, state: &State, site: usize) -> Option<Vec<Row>> {
         let Site { shape: index, walks, ref observations, .. } = self.sites[site];

@@ -1,19 +1,16 @@
-//! The order of the steps.
+//! A solution: the problem of the cameras that hang together, solved.
 
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use super::adjust::{Adjusted, Uncertainty, adjust, uncertainty};
-use super::alternatives::alternatives;
-use super::assemble::{Bodies, Group, Pair, Tree, groups, pairs, place, tree};
-use super::contradictions::contradictions;
-use super::outcome;
+use super::assemble::{Bodies, Group, Tree, groups, place};
 use super::pairs::DEPTH_SD;
 use super::predicted::Shape;
 use super::prepared::{Prepared, Thing};
 use super::problem::{DistanceRow, Levels, Observation, Problem, ShapePrior, Site, State};
-use super::{CalibrateOptions, Calibration, CameraStatus, Contradiction, Rig, RigScale};
+use super::{CalibrateOptions, RigScale};
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::rigid::Pose;
 
@@ -51,9 +48,6 @@ const STEPS: usize = 40;
 /// Rounds of noise levels.
 const ROUNDS: usize = 5;
 
-/// Better solutions that are taken up, one after another.
-const MOST_BETTER: usize = 3;
-
 /// Standard deviation of a distance that is known, relative.
 const DISTANCE_SD: f64 = 1e-3;
 
@@ -72,57 +66,8 @@ pub(super) struct Solution {
     pub scale: RigScale,
 }
 
-pub(super) fn calibrate(rig: &Rig, options: &CalibrateOptions) -> Calibration {
-    let prepared = Prepared::new(rig);
-    let mut pairs = pairs(&prepared, options.seed);
-    let mut known: Vec<Option<Contradiction>> = vec![None; rig.cameras.len()];
-    loop {
-        let tree = tree(&prepared, &pairs);
-        let Some((solution, ambiguous)) = solved(&prepared, &pairs, &tree, options) else {
-            return outcome::nothing(rig, &pairs, &known);
-        };
-        let answer = outcome::calibration(&prepared, &pairs, &tree, &solution, &ambiguous, &known);
-        let found = contradictions(&solution, &answer.cameras);
-        if found.is_empty() {
-            return answer;
-        }
-        found.iter().for_each(|&(camera, contradiction)| known[camera] = Some(contradiction));
-        if found.iter().any(|&(camera, _)| rig.cameras[camera].cam_from_world.is_some()) {
-            let sought = (0..rig.cameras.len()).filter(|&camera| solution.problem.free[camera]);
-            sought.for_each(|camera| known[camera] = known[camera].or(Some(Contradiction::GivenPoses)));
-            return outcome::nothing(rig, &pairs, &known);
-        }
-        // The others may be right without it.
-        for pair in pairs.iter_mut().filter(|pair| pair.cameras.iter().any(|&camera| known[camera].is_some())) {
-            pair.poses.clear();
-            pair.status = CameraStatus::Inconsistent;
-        }
-    }
-}
-
-/// The best solution of cameras that hang together, and which of them have another one that is about as good.
-fn solved(
-    prepared: &Prepared,
-    pairs: &[Pair],
-    tree: &Tree,
-    options: &CalibrateOptions,
-) -> Option<(Solution, Vec<bool>)> {
-    let mut solution = solution(prepared, tree, &tree.poses, options)?;
-    refine(prepared, &mut solution);
-    let mut found = alternatives(prepared, pairs, tree, &solution);
-    for _ in 0..MOST_BETTER {
-        let Some((poses, up)) = found.better.take() else { break };
-        let mut next = solution.clone();
-        next.restart(prepared, poses, up);
-        refine(prepared, &mut next);
-        solution = next;
-        found = alternatives(prepared, pairs, tree, &solution);
-    }
-    Some((solution, found.ambiguous))
-}
-
 /// The final adjustment: noise levels and unknowns in turn; boxes without ids are grouped again.
-fn refine(prepared: &Prepared, solution: &mut Solution) {
+pub(super) fn refine(prepared: &Prepared, solution: &mut Solution) {
     for round in 0..ROUNDS {
         let Some(of_round) = uncertainty(&solution.problem, &solution.state) else { break };
         update_levels(prepared, &mut solution.problem, &of_round);
@@ -145,7 +90,7 @@ pub(super) fn bodies(prepared: &Prepared, solution: &Solution) -> Bodies {
 
 impl Solution {
     /// The same bodies from other poses.
-    fn restart(&mut self, prepared: &Prepared, poses: Vec<Pose>, up: Vector3<f64>) {
+    pub(super) fn restart(&mut self, prepared: &Prepared, poses: Vec<Pose>, up: Vector3<f64>) {
         let placed: Vec<Option<Pose>> =
             poses.iter().zip(&self.placed).map(|(pose, &placed)| placed.then_some(*pose)).collect();
         self.state.poses = poses;
@@ -326,7 +271,12 @@ fn verticals(problem: &Problem, state: &State, placed: &[Option<Pose>]) -> Vec<V
 }
 
 /// The first solution from the places of cameras.
-fn solution(prepared: &Prepared, tree: &Tree, poses: &[Option<Pose>], options: &CalibrateOptions) -> Option<Solution> {
+pub(super) fn solution(
+    prepared: &Prepared,
+    tree: &Tree,
+    poses: &[Option<Pose>],
+    options: &CalibrateOptions,
+) -> Option<Solution> {
     if poses.iter().flatten().count() < 2 {
         return None;
     }

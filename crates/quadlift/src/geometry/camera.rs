@@ -5,7 +5,7 @@
 
 use nalgebra::{Matrix3, Matrix3x4, Point3, Rotation3, Vector2, Vector3, Vector4};
 
-use super::lens::CameraModel;
+use super::camera_model::CameraModel;
 use super::rotation::rotation_defect;
 
 /// Why a camera, a pose or a projection is refused.

@@ -5,6 +5,7 @@
 
 mod bounding_box;
 mod camera;
+mod camera_model;
 mod convex_body;
 mod cuboid;
 mod cylinder;
@@ -27,15 +28,16 @@ pub(crate) mod visible_surface;
 
 pub use bounding_box::{BoundingBox, BoundingBoxError};
 pub use camera::{CamFromWorld, CameraError, Intrinsics, Projection};
+pub use camera_model::CameraModel;
 pub use convex_body::ConvexBody;
 pub use cuboid::Cuboid;
 pub use cylinder::Cylinder;
 pub use ellipse::{Ellipse, EllipseError};
 pub use ellipsoid::{DualQuadric, Ellipsoid, EllipsoidError};
-pub use lens::{Camera, CameraModel, WIDEST_ANGLE_DEG};
+pub use lens::{Camera, WIDEST_ANGLE_DEG};
 pub use oriented_box::{OrientedBox, OrientedBoxError};
-pub(crate) use projection::box_of_outline;
 pub use projection::{ProjectionError, project_bounding_box, project_ellipsoid};
+pub(crate) use projection::{box_of_outline, edge_plane, support_plane};
 pub use reach::ellipsoid_of_same_reach;
 pub(crate) use rotation::skew;
 pub use rotation::{quaternion_from_rotation, rotation_defect, rotation_from_quaternion, rotation_vector};

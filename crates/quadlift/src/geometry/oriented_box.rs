@@ -2,7 +2,8 @@
 
 use nalgebra::{Rotation2, Vector2};
 
-use super::{BoundingBox, Ellipse};
+use super::bounding_box::BoundingBox;
+use super::ellipse::Ellipse;
 
 /// Why numbers are no turned box.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]

@@ -1,12 +1,13 @@
-//! Projection of bodies: the outline of an ellipsoid, the tight box of any convex body.
+//! Projection of bodies: the outline of an ellipsoid, the tight box of any convex body; and the planes behind edges and lines.
 
-use nalgebra::{Matrix3, Matrix3x4, Point3, Vector3};
+use nalgebra::{Matrix3, Matrix3x4, Point3, Vector3, Vector4};
 
 use super::bounding_box::BoundingBox;
 use super::camera::Projection;
 use super::convex_body::ConvexBody;
 use super::ellipse::Ellipse;
 use super::ellipsoid::Ellipsoid;
+use super::support_lines::SupportLine;
 
 /// Why a body has no outline in an image.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -129,6 +130,20 @@ fn outer_root(gap: impl Fn(f64) -> f64, start: f64, towards: f64, depth: f64, re
         }
     }
     x
+}
+
+/// The plane through the camera and the box edge `edge` (0 left, 1 top, 2 right, 3 bottom), positive on the side of
+/// the box, for a projection `p` of any frame.
+pub fn edge_plane(p: &Matrix3x4<f64>, bounding_box: &BoundingBox, edge: usize) -> Vector4<f64> {
+    let position = bounding_box.edges()[edge];
+    let plane = (p.row(edge % 2) - p.row(2) * position).transpose();
+    if edge < 2 { plane } else { -plane }
+}
+
+/// The plane through the camera and a supporting line, positive on the side of the object, for a projection `p` of any
+/// frame.
+pub fn support_plane(p: &Matrix3x4<f64>, line: &SupportLine) -> Vector4<f64> {
+    p.transpose() * Vector3::new(-line.normal.x, -line.normal.y, line.reach)
 }
 
 #[cfg(test)]

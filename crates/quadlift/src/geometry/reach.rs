@@ -4,8 +4,9 @@ use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
+use super::convex_body::ConvexBody;
+use super::ellipsoid::Ellipsoid;
 use super::quadrature::gauss_kronrod15;
-use super::{ConvexBody, Ellipsoid};
 
 /// The ellipsoid that reaches about as far as a body in all directions: about the same planes touch both, so that it is what
 /// an ellipsoid fitted to boxes of the body from all sides would be.

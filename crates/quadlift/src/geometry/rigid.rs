@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Matrix3x4, Rotation3, Vector3};
 
-use super::CamFromWorld;
+use super::camera::CamFromWorld;
 
 /// A rotation and a translation: `target = rotation * source + translation`.
 #[derive(Debug, Clone, Copy, PartialEq)]

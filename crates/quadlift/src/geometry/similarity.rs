@@ -2,7 +2,8 @@
 
 use nalgebra::{Matrix3x4, Matrix4, Point3, Rotation3, Unit, Vector3};
 
-use super::{CamFromWorld, CameraError, Ellipsoid};
+use super::camera::{CamFromWorld, CameraError};
+use super::ellipsoid::Ellipsoid;
 
 /// Maps points of one frame to another: `scale * rotation * x + translation`. With the scale 1 it is rigid.
 #[derive(Debug, Clone, Copy, PartialEq)]

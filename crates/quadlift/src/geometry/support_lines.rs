@@ -2,7 +2,9 @@
 
 use nalgebra::Vector2;
 
-use super::{BoundingBox, Ellipse, OrientedBox};
+use super::bounding_box::BoundingBox;
+use super::ellipse::Ellipse;
+use super::oriented_box::OrientedBox;
 
 /// Number of directions of the supporting lines of a mask or a polygon.
 pub const SUPPORT_DIRECTIONS: usize = 8;

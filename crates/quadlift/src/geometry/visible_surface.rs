@@ -2,7 +2,10 @@
 
 use nalgebra::{Point3, Vector2, Vector3};
 
-use super::{Body, BoundingBox, ConvexBody, Projection};
+use super::Body;
+use super::bounding_box::BoundingBox;
+use super::camera::Projection;
+use super::convex_body::ConvexBody;
 
 /// Steps and bisections of the search along a ray, for bodies without a closed form.
 const STEPS: usize = 60;

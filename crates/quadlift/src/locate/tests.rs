@@ -15,7 +15,7 @@ use crate::geometry::rigid::Pose;
 use crate::geometry::{
     BoundingBox, CamFromWorld, Ellipsoid, Intrinsics, Projection, project_bounding_box, rotation_vector,
 };
-use crate::synthetic::random::normal;
+use crate::random::normal;
 
 /// Sizes of the image.
 const WIDTH: f64 = 1280.0;

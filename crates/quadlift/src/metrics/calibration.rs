@@ -1,6 +1,6 @@
 //! Confidence regions calibrated on objects with ground truth (split conformal prediction).
 
-use super::SquaredErrors;
+use super::squared_errors::SquaredErrors;
 
 /// A part of an estimate with a region.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

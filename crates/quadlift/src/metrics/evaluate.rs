@@ -2,12 +2,13 @@
 
 use std::collections::HashMap;
 
+use super::axes::{axis_error, center_error, main_axis_angle, rotation_error_modulo_symmetry, sorted_axes_error};
+use super::iou_cuboids::iou3d_cuboids;
+use super::iou_ellipsoids::iou3d_ellipsoids;
+use super::overlap::pair_by_overlap;
+use super::reprojection::{box_reprojection_iou, ellipse_reprojection_iou};
 use super::scores::{
     EstimatedObject, Evaluation, Mean, MeanScore, ObjectScore, PairedBy, ReprojectionScore, TruthObject,
-};
-use super::{
-    axis_error, box_reprojection_iou, center_error, ellipse_reprojection_iou, iou3d_cuboids, iou3d_ellipsoids,
-    main_axis_angle, pair_by_overlap, rotation_error_modulo_symmetry, sorted_axes_error,
 };
 use crate::geometry::{Cuboid, Ellipsoid, Projection};
 

@@ -1,6 +1,6 @@
 //! Pairing of found and true bodies by overlap.
 
-use super::iou3d_ellipsoids;
+use super::iou_ellipsoids::iou3d_ellipsoids;
 use crate::geometry::Ellipsoid;
 use crate::optimize::matching::{Pair, best_pairs};
 

@@ -1,6 +1,5 @@
 //! The outline or the turned box of a kept view, reduced to what its supporting lines need, as plain numbers.
 
-use super::views::from_bits;
 use crate::geometry::OrientedBox;
 use crate::scene::{self, Outlines, Shape, check_outline, extreme_corners};
 
@@ -62,8 +61,7 @@ impl KeptShape {
     /// Gives a detection, whose box is known, the supporting lines.
     pub fn add_to(&self, detection: &mut scene::Detection, frame: &scene::Frame) {
         let MapShape { outline, oriented_box, has_box } = self.to_shape();
-        let [low, high] = [self.hidden, self.hidden >> 4].map(from_bits);
-        let hidden_lines = Some(std::array::from_fn(|k| if k < 4 { low[k] } else { high[k - 4] }));
+        let hidden_lines = Some(std::array::from_fn(|k| self.hidden & (1 << k) != 0));
         let shape = Shape { outline: outline.as_deref(), oriented_box, hidden_lines };
         // The box around an outline is no measurement beside it.
         let around = detection.bounding_box.filter(|_| !has_box);

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::keyframes::Keyframe;
-use super::views::{KeptView, from_bits};
+use super::views::{Absorbed, KeptView, MOST_VISITS, Visit, from_bits};
 use crate::association::input::observations::Camera;
 use crate::association::score::object::Object;
 use crate::association::score::scene_statistics::SceneStatistics;
@@ -19,52 +19,8 @@ use crate::association::score::scene_statistics::SceneStatistics;
 /// Edges that disagree more than this many standard deviations with the body are not averaged: the usual bound of outliers.
 const MOST_DEVIATIONS: f64 = 3.0;
 
-/// The views that a view stands for.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct Absorbed {
-    /// The mean of the boxes less its own edges, pixels of its camera.
-    pub offset: [f32; 4],
-    /// The others, by the times at which they were seen; at least one.
-    pub visits: Vec<Visit>,
-}
-
-/// Views of frames that follow each other.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct Visit {
-    /// Mean key of the frames.
-    pub mean_key: f64,
-    pub views: u32,
-}
-
-impl Visit {
-    fn and(self, other: Self) -> Self {
-        let views = self.views.saturating_add(other.views);
-        let share = f64::from(other.views) / f64::from(views);
-        Self { mean_key: self.mean_key + share * (other.mean_key - self.mean_key), views }
-    }
-}
-
 /// Frames whose keys differ by less than this belong to one visit: poses drift little between them.
 const SAME_VISIT: f64 = 32.0;
-
-/// Maximum number of visits that are told apart.
-const MOST_VISITS: usize = 4;
-
-impl Absorbed {
-    /// Whether all numbers are in their ranges.
-    pub fn is_valid(&self) -> bool {
-        let is_visit = |visit: &Visit| (0.0..=f64::from(u32::MAX)).contains(&visit.mean_key) && visit.views >= 1;
-        let are_visits = (1..=MOST_VISITS).contains(&self.visits.len()) && self.visits.iter().all(is_visit);
-        are_visits && self.offset.iter().all(|x| x.is_finite())
-    }
-
-    /// Number of boxes in the mean, including its own.
-    fn views(&self) -> u32 {
-        self.visits.iter().fold(1, |sum, visit| sum.saturating_add(visit.views))
-    }
-}
 
 /// How the poses of frames change: the motion of what their cameras see, `X_new = turn X + shift`, by the keys of the frames.
 #[derive(Debug, Default)]

@@ -5,7 +5,6 @@ use nalgebra::{Vector2, Vector3};
 use super::kept_cues::KeptCues;
 use super::kept_shape::KeptShape;
 use super::keyframes::Keyframes;
-use super::summary::Absorbed;
 use super::update::ObjectId;
 use crate::association::input::observations::{BoxObservation, Camera, log_odds_against};
 
@@ -40,6 +39,50 @@ pub(super) struct KeptView {
     pub cut: u8,
     /// Which edges another object hides, as bits.
     pub hidden: u8,
+}
+
+/// Maximum number of visits that are told apart.
+pub(super) const MOST_VISITS: usize = 4;
+
+/// The views that a view stands for.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct Absorbed {
+    /// The mean of the boxes less its own edges, pixels of its camera.
+    pub offset: [f32; 4],
+    /// The others, by the times at which they were seen; at least one.
+    pub visits: Vec<Visit>,
+}
+
+impl Absorbed {
+    /// Whether all numbers are in their ranges.
+    pub fn is_valid(&self) -> bool {
+        let is_visit = |visit: &Visit| (0.0..=f64::from(u32::MAX)).contains(&visit.mean_key) && visit.views >= 1;
+        let are_visits = (1..=MOST_VISITS).contains(&self.visits.len()) && self.visits.iter().all(is_visit);
+        are_visits && self.offset.iter().all(|x| x.is_finite())
+    }
+
+    /// Number of boxes in the mean, including its own.
+    pub fn views(&self) -> u32 {
+        self.visits.iter().fold(1, |sum, visit| sum.saturating_add(visit.views))
+    }
+}
+
+/// Views of frames that follow each other.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct Visit {
+    /// Mean key of the frames.
+    pub mean_key: f64,
+    pub views: u32,
+}
+
+impl Visit {
+    pub fn and(self, other: Self) -> Self {
+        let views = self.views.saturating_add(other.views);
+        let share = f64::from(other.views) / f64::from(views);
+        Self { mean_key: self.mean_key + share * (other.mean_key - self.mean_key), views }
+    }
 }
 
 /// A frame whose boxes may still be reassigned.

@@ -4,6 +4,7 @@ use super::options::{AssociateWhen, RunOptions};
 use crate::association::IdUse;
 use crate::cross_validation::Extent;
 use crate::localize::MeasurementKind;
+use crate::names::UnknownName;
 use crate::options::Command::{Associate, Localize, Node, Python, Segment, Stream};
 use crate::options::{Command, Kind, Range, Spec, Value};
 use crate::solve::{MapOptions, Method, PoseMotion, PoseNoise, Sigmas};
@@ -75,7 +76,7 @@ pub const RUN: &[Spec<RunOptions>] = &[
                 Some("auto") => None,
                 Some(name) => Some(
                     name.parse()
-                        .map_err(|e: crate::UnknownName| format!("expected one of auto, {}", e.expected.join(", ")))?,
+                        .map_err(|e: UnknownName| format!("expected one of auto, {}", e.expected.join(", ")))?,
                 ),
                 None => return Err("expected a kind of body".to_owned()),
             };

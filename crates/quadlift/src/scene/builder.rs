@@ -242,7 +242,7 @@ impl SceneBuilder {
             if !pixel.iter().all(|x| x.is_finite()) {
                 return Err(refuse(format!("its pixel in frame {index} is not finite")));
             }
-            observations.extend(PointObservation::in_image(index as u32, frame, pixel.into()));
+            observations.extend(PointObservation::in_image(index as u32, frame.lens.as_ref(), pixel.into()));
         }
         // Stable: of several in a frame the first one stays.
         observations.sort_by_key(|seen| seen.frame_index);

@@ -1,5 +1,20 @@
 //! Errors of scenes.
 
+/// Why points are no outline.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum OutlineError {
+    /// Fewer than three points.
+    #[error("the outline has {0} points; expected three or more")]
+    TooFewPoints(usize),
+    /// A number is NaN or infinite.
+    #[error("the outline holds a number that is not finite")]
+    NotFinite,
+    /// All points lie on a line.
+    #[error("all points of the outline lie on a line; expected a polygon")]
+    Flat,
+}
+
 /// Why something cannot be added to a scene.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -17,7 +32,7 @@ pub enum SceneError {
     NothingMeasured,
     /// Points are no outline.
     #[error(transparent)]
-    Outline(#[from] super::outlines::OutlineError),
+    Outline(#[from] OutlineError),
     /// A cue of a detection is out of range.
     #[error(transparent)]
     Cue(#[from] super::cues::CueError),

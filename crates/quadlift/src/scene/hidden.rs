@@ -4,7 +4,8 @@ use crate::tuning::HIDING_OVERLAP;
 use crate::tuning::HIDING_REACH_PX;
 use nalgebra::{Unit, Vector2, Vector3};
 
-use super::{Detection, Scene};
+use super::Scene;
+use super::parts::Detection;
 use crate::geometry::{BoundingBox, Projection};
 
 /// A box reaches lower by more than this many pixels.

@@ -15,10 +15,10 @@ mod views;
 
 pub use builder::{DetectionInput, SceneBuilder};
 pub use cues::{Box3dCue, Box3dSd, CueError, Cues, DepthCue};
-pub use error::SceneError;
+pub use error::{OutlineError, SceneError};
 pub use hidden::hidden_edges;
 pub(crate) use outlines::extreme_corners;
-pub use outlines::{FrameOutline, OutlineError, Outlines, Shape, check_outline, hidden_lines};
+pub use outlines::{FrameOutline, Outlines, Shape, check_outline, hidden_lines};
 pub use parts::{Detection, Frame, RigCamera, SceneParts, Undistorted};
 pub use points::{PointObservation, TrackedPoint};
 pub use skipped::SkippedDetections;

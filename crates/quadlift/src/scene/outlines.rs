@@ -5,6 +5,7 @@ use std::ops::Index;
 
 use nalgebra::Vector2;
 
+use super::error::OutlineError;
 use super::parts::{Detection, Frame};
 use super::views::BORDER_TOLERANCE_PX;
 use crate::geometry::{BoundingBox, Camera, OrientedBox, OutlineEnd, SUPPORT_DIRECTIONS, SupportLine, SupportLines};
@@ -20,21 +21,6 @@ const LENS_STEP: f64 = 1.0 / 32.0;
 
 /// An outline is flat when its width is at most this share of its length: rounding of numbers of an image.
 const FLAT: f64 = 1e-9;
-
-/// Why points are no outline.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum OutlineError {
-    /// Fewer than three points.
-    #[error("the outline has {0} points; expected three or more")]
-    TooFewPoints(usize),
-    /// A number is NaN or infinite.
-    #[error("the outline holds a number that is not finite")]
-    NotFinite,
-    /// All points lie on a line.
-    #[error("all points of the outline lie on a line; expected a polygon")]
-    Flat,
-}
 
 /// Checks that points are the corners of an outline.
 ///

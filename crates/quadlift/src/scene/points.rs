@@ -3,7 +3,7 @@
 use nalgebra::{Point3, Vector2};
 
 use super::error::SceneError;
-use super::parts::Frame;
+use crate::geometry::Camera;
 
 /// A point of the scene's surfaces and the pixels in which frames observed it.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,17 +19,17 @@ pub struct TrackedPoint {
 pub struct PointObservation {
     /// Index into [`super::SceneParts::frames`].
     pub frame_index: u32,
-    /// The pixel of [`Frame::projection`]: of the image without the distortion of its lens.
+    /// The pixel of [`super::Frame::projection`]: of the image without the distortion of its lens.
     pub pixel: Vector2<f64>,
     /// How many of these pixels one of the image is long here: 1 without a lens.
     pub stretch: f64,
 }
 
 impl PointObservation {
-    /// A pixel that was measured in the image of a frame as it is; `None` where the lens has no pinhole pixel for it (see
-    /// [`crate::geometry::Camera::undistort_point`]).
-    pub fn in_image(frame_index: u32, frame: &Frame, pixel: Vector2<f64>) -> Option<Self> {
-        let Some(lens) = &frame.lens else { return Some(Self { frame_index, pixel, stretch: 1.0 }) };
+    /// A pixel that was measured in the image of a frame as it is, through its lens if it has one; `None` where the lens has no
+    /// pinhole pixel for it ([`Camera::undistort_point`]).
+    pub fn in_image(frame_index: u32, lens: Option<&Camera>, pixel: Vector2<f64>) -> Option<Self> {
+        let Some(lens) = lens else { return Some(Self { frame_index, pixel, stretch: 1.0 }) };
         let at = |x: f64, y: f64| lens.undistort_point(&(pixel + Vector2::new(x, y)));
         let right = at(0.5, 0.0)? - at(-0.5, 0.0)?;
         let down = at(0.0, 0.5)? - at(0.0, -0.5)?;
@@ -64,27 +64,27 @@ pub(super) fn check_points(points: &[TrackedPoint], frames: usize) -> Result<(),
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Camera, CameraModel, Projection};
-    use crate::scene::{Scene, SceneParts};
+    use crate::geometry::{CameraModel, Projection};
+    use crate::scene::{Frame, Scene, SceneParts};
     use nalgebra::Matrix3x4;
 
-    fn frame(lens: Option<Camera>) -> Frame {
+    fn frame() -> Frame {
         let projection = Projection::from_matrix(Matrix3x4::identity()).unwrap();
-        Frame { id: "a".to_owned(), projection, image_size: None, lens, rig: None }
+        Frame { id: "a".to_owned(), projection, image_size: None, lens: None, rig: None }
     }
 
     #[test]
     fn pixels_are_undistorted_with_their_stretch() {
         let pixel = Vector2::new(620.0, 240.0);
-        let plain = PointObservation::in_image(3, &frame(None), pixel).unwrap();
+        let plain = PointObservation::in_image(3, None, pixel).unwrap();
         assert_eq!(plain, PointObservation { frame_index: 3, pixel, stretch: 1.0 });
-        let fisheye = frame(Some(Camera::new(CameraModel::SimpleFisheye, &[300.0, 320.0, 240.0]).unwrap()));
-        let found = PointObservation::in_image(3, &fisheye, pixel).unwrap();
+        let fisheye = Camera::new(CameraModel::SimpleFisheye, &[300.0, 320.0, 240.0]).unwrap();
+        let found = PointObservation::in_image(3, Some(&fisheye), pixel).unwrap();
         // One radian from the axis: 1 / cos^2 along the radius, tan(1) across.
         let expected = (1f64.cos().powi(-2) * 1f64.tan()).sqrt();
         assert!((found.pixel - Vector2::new(320.0 + 300.0 * 1f64.tan(), 240.0)).norm() < 1e-6);
         assert!((found.stretch / expected - 1.0).abs() < 1e-4, "{} {expected}", found.stretch);
-        assert!(PointObservation::in_image(3, &fisheye, Vector2::new(900.0, 240.0)).is_none());
+        assert!(PointObservation::in_image(3, Some(&fisheye), Vector2::new(900.0, 240.0)).is_none());
     }
 
     #[test]
@@ -93,7 +93,7 @@ mod tests {
             let seen = |frame_index| PointObservation { frame_index, pixel: Vector2::zeros(), stretch: 1.0 };
             let mut point = TrackedPoint { position: Point3::origin(), observations: vec![seen(0), seen(1)] };
             change(&mut point);
-            let frames = vec![frame(None), Frame { id: "b".to_owned(), ..frame(None) }];
+            let frames = vec![frame(), Frame { id: "b".to_owned(), ..frame() }];
             Scene::from_parts(SceneParts { frames, points: vec![point], ..Default::default() }).map(|_| ())
         };
         assert_eq!(of(&|_| {}), Ok(()));

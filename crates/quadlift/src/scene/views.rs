@@ -4,7 +4,9 @@ use std::collections::BTreeSet;
 
 use nalgebra::Vector2;
 
-use super::{Cues, Detection, Scene};
+use super::Scene;
+use super::cues::Cues;
+use super::parts::Detection;
 use crate::geometry::{BoundingBox, Ellipse, Projection, SupportLines};
 
 /// Edges this close to the image border (pixels) count as cut off. KITTI's boxes end at 1241 to 1243 of 1242 pixels.

@@ -1,8 +1,5 @@
 //! What is found about the sources of depths and 3D boxes.
 
-use super::map::shared::cue_scales::Constant;
-use super::map::shared::found_scales::FoundScale;
-
 /// The scale of one quantity of a source of cues, found from the objects of the scene: measured = factor * true, of depths + shift.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CueScale {
@@ -53,18 +50,5 @@ impl CueScale {
     /// What the source measures on average where the true length is this one (world units), in its own lengths.
     pub fn expected(&self, true_length: f64) -> f64 {
         self.factor * true_length + self.shift.map_or(0.0, |shift| shift.value)
-    }
-
-    /// What is found about a constant; `None` for a part of others.
-    pub(super) fn of(found: FoundScale) -> Option<Self> {
-        let (quantity, source) = match found.constant {
-            Constant::Depth(source) => (ScaledQuantity::Depth, source),
-            Constant::DepthOfFrame(source, frame) => (ScaledQuantity::DepthOfFrame { frame }, source),
-            Constant::Distance(source) => (ScaledQuantity::BoxDistance, source),
-            Constant::Sizes(..) | Constant::DepthShift(_) => return None,
-            Constant::Size(source, category, axis) => (ScaledQuantity::BoxSize { category, axis }, source),
-        };
-        let shift = found.shift.map(|(value, sd)| DepthShift { value, sd });
-        Some(Self { quantity, source, factor: found.log_factor.exp(), log_sd: found.log_sd, shift })
     }
 }

@@ -15,10 +15,9 @@ use nalgebra::{Matrix3, Matrix3x4, Rotation3, SMatrix, SVector, Vector3};
 /// The default of [`crate::LocalizeOptions::enclosing_quantile`].
 pub(crate) const ENCLOSING_QUANTILE: f64 = 0.85;
 
-use super::closed_form::planes::{edge_plane, support_plane};
 use super::conditioning::{ObjectFrame, axes_of};
 use crate::geometry::linalg::solve_spd;
-use crate::geometry::{Body, ConvexBody, Ellipsoid, SupportLines};
+use crate::geometry::{Body, ConvexBody, Ellipsoid, SupportLines, edge_plane, support_plane};
 use crate::scene::View;
 
 /// Minimum number of planes for separate proportions: twice the parameters. With fewer planes there is no gain: see the

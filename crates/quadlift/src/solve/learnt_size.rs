@@ -1,6 +1,5 @@
 //! What is learnt about the sizes of a category.
 
-use super::map::shared::size_model::LearntSizes;
 use super::options::{BodyKind, SizePrior};
 
 /// The size of a category and kind of body, learnt from the objects of the scene ([`super::MapOptions::learn_sizes`]).
@@ -20,15 +19,4 @@ pub struct LearntCategorySize {
     /// Whether the extents are length, width and height, because the objects stand; otherwise they are in the order of their
     /// lengths.
     pub named: bool,
-}
-
-impl LearntCategorySize {
-    pub(crate) fn new(category: usize, body: BodyKind, objects: usize, sizes: &LearntSizes) -> Self {
-        let size = sizes.of_all.map(|size| {
-            let mean: [f64; 3] = std::array::from_fn(|k| 2.0 * size.mean[k].exp());
-            SizePrior { mean, sd: std::array::from_fn(|k| mean[k] * size.covariance[(k, k)].sqrt()) }
-        });
-        let named = sizes.of_all.is_some_and(|size| size.named);
-        Self { category, body, objects, well_determined: sizes.worth, size, named }
-    }
 }

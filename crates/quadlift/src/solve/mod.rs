@@ -15,6 +15,7 @@ mod prediction;
 mod refined_pose;
 mod report;
 mod sigmas;
+mod streaming_qr;
 mod triangulate;
 mod validate;
 

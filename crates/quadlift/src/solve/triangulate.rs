@@ -3,7 +3,7 @@
 
 use nalgebra::{Point3, Vector2, Vector3};
 
-use super::closed_form::streaming_qr::StreamingQr;
+use super::streaming_qr::StreamingQr;
 use crate::geometry::{Ellipse, Projection};
 
 /// Rounds of reweighting that convert the algebraic error to pixels.

@@ -5,8 +5,8 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::options::{SyntheticOptions, Trajectory};
-use super::random;
 use crate::geometry::{CamFromWorld, CameraError, Intrinsics};
+use crate::random;
 
 /// Image size in pixels: that of KITTI on a street.
 pub(super) fn image_size(trajectory: Trajectory) -> [u32; 2] {

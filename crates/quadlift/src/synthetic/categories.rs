@@ -3,10 +3,11 @@
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 
+use super::generate_objects;
 use super::objects::Object;
 use super::options::{SyntheticError, SyntheticOptions};
 use super::scene::SyntheticScene;
-use super::{generate_objects, random};
+use crate::random;
 
 /// Stream of the seed for the differences between things of a category.
 const DIFFERENCE_STREAM: u64 = 20;

@@ -4,10 +4,10 @@ use nalgebra::{Point3, Rotation3, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::random;
 use crate::geometry::rotation::horizontal_basis;
 use crate::geometry::visible_surface::visible_depth;
 use crate::geometry::{Body, ConvexBody};
+use crate::random;
 use crate::scene::{Box3dCue, Cues, DepthCue, Detection, Scene, SceneError, View};
 
 /// Rays along each side of a box.

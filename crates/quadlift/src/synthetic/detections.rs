@@ -2,14 +2,15 @@
 
 use nalgebra::{Vector2, Vector3};
 
+use super::cameras;
 use super::detector::{self, DetectorSource};
 use super::noise::NoiseSource;
 use super::objects::Object;
 use super::options::{SyntheticError, SyntheticIds, SyntheticOptions};
 use super::scene::SyntheticFrame;
 use super::tracks::{Tracked, tracks};
-use super::{cameras, random};
 use crate::geometry::{Body, BoundingBox, ConvexBody, Ellipse, Projection, project_bounding_box, project_ellipsoid};
+use crate::random;
 
 /// Streams of the seed.
 const FIRST_NOISE_STREAM: u64 = 1;

@@ -5,8 +5,8 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::options::Detector;
-use super::random;
 use crate::geometry::{BoundingBox, BoundingBoxError};
+use crate::random;
 
 /// Boxes that are smaller than this after clipping at the image border, in pixels, are not detected.
 const SMALLEST_BOX: f64 = 2.0;

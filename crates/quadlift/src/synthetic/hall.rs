@@ -6,11 +6,11 @@ use nalgebra::{Matrix3x4, Point3, Rotation3, Unit, Vector2, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::random;
 use crate::calibrate::{Rig, RigBox, RigCamera, RigCategory};
 use crate::geometry::{
     BoundingBox, CamFromWorld, CameraError, Ellipsoid, Intrinsics, Projection, project_bounding_box,
 };
+use crate::random;
 use crate::solve::SizePrior;
 
 /// Size of the hall, meters.

@@ -14,7 +14,6 @@ mod noise;
 mod objects;
 mod options;
 mod points;
-pub mod random;
 mod scene;
 mod shapes;
 #[cfg(test)]
@@ -31,6 +30,7 @@ pub use shapes::{ShapeOptions, SimulatedShape, TurnedNoise, simulate_shapes};
 use nalgebra::Vector3;
 
 use crate::geometry::{Body, Projection};
+use crate::random;
 use crate::scene::{DetectionInput, SceneBuilder};
 use detections::{detect, names};
 use objects::Object;

@@ -7,8 +7,8 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::options::{Noise, SyntheticOptions};
-use super::random;
 use crate::geometry::{BoundingBox, BoundingBoxError, Ellipse, EllipseError};
+use crate::random;
 
 /// Width and height in pixels that a box keeps when noise would make its edges cross.
 const SMALLEST_BOX: f64 = 1e-2;

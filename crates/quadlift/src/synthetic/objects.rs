@@ -5,8 +5,8 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::options::Trajectory;
-use super::random;
 use crate::geometry::{Body, Cuboid, Cylinder, Ellipsoid, Superellipsoid};
+use crate::random;
 use crate::solve::BodyKind;
 
 /// Height of the objects' centers on a floor relative to those in a cube.

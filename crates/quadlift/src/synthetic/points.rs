@@ -5,8 +5,8 @@ use rand::RngExt;
 
 use super::objects::Object;
 use super::options::SyntheticOptions;
-use super::random;
 use crate::geometry::Projection;
+use crate::random;
 
 const POINT_STREAM: u64 = 50;
 

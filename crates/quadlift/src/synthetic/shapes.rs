@@ -5,8 +5,8 @@ use std::f64::consts::FRAC_PI_2;
 use nalgebra::{Matrix2, Matrix3x4, Rotation2, Vector2};
 use rand_chacha::ChaCha8Rng;
 
-use super::random;
 use crate::geometry::{Body, OrientedBox, Projection, project_bounding_box, project_ellipsoid};
+use crate::random;
 use crate::scene::{Detection, Scene};
 
 /// Corners of an outline, a multiple of four.

@@ -59,8 +59,8 @@ pub(super) fn tracks(
 
 #[cfg(test)]
 mod tests {
-    use super::super::random;
     use super::*;
+    use crate::random;
 
     fn detections() -> Vec<Tracked> {
         let of_object = |object: usize| {

@@ -4,9 +4,9 @@ use quadlift::diagnosis::{BoxFormat, Correction, Mistake};
 use quadlift::geometry::{Projection, rotation_vector};
 use quadlift::metrics::{iou3d_bodies, nees};
 use quadlift::nalgebra::{Rotation3, Vector3, Vector6};
+use quadlift::random::{normal, stream};
 use quadlift::scene::RigCamera;
 use quadlift::solve::{BodyKind, MapOptions, PoseMotion, RefinedPose, Status};
-use quadlift::synthetic::random::{normal, stream};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift::{Localization, localize};
 

@@ -3,8 +3,8 @@
 use nalgebra::{Point3, Vector2};
 
 use super::distortion::{distort, fold_radius, undistort};
-use super::model::{CameraModel, MOST_PARAMETERS};
 use crate::geometry::camera::{CameraError, Intrinsics};
+use crate::geometry::camera_model::{CameraModel, MOST_PARAMETERS};
 
 /// Rays farther than this from the optical axis are not undistorted, in degrees: in the plane of a pinhole camera they
 /// lie almost six focal lengths out and a pixel of the lens covers more than thirty.

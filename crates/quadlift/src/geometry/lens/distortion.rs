@@ -9,7 +9,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::model::CameraModel as M;
+use crate::geometry::camera_model::CameraModel as M;
 
 /// Most steps of Newton's method; it needs three to six.
 const MOST_STEPS: usize = 50;

@@ -5,7 +5,8 @@ use std::f64::consts::TAU;
 use nalgebra::{Matrix2, Vector2};
 
 use super::camera::Camera;
-use crate::geometry::{BoundingBox, Ellipse};
+use crate::geometry::bounding_box::BoundingBox;
+use crate::geometry::ellipse::Ellipse;
 
 /// Points on the outline of an ellipse that are undistorted.
 const OUTLINE_POINTS: usize = 32;

@@ -5,10 +5,8 @@
 mod camera;
 mod distortion;
 mod measurements;
-mod model;
 
 #[cfg(test)]
 mod tests;
 
 pub use camera::{Camera, WIDEST_ANGLE_DEG};
-pub use model::CameraModel;

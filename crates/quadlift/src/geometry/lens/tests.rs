@@ -6,7 +6,7 @@ use rand::{RngExt, SeedableRng};
 
 use super::*;
 use crate::geometry::{
-    BoundingBox, CamFromWorld, CameraError, Cuboid, Ellipse, Ellipsoid, Projection, project_bounding_box,
+    BoundingBox, CamFromWorld, CameraError, CameraModel, Cuboid, Ellipse, Ellipsoid, Projection, project_bounding_box,
     project_ellipsoid,
 };
 

@@ -15,9 +15,9 @@
 use nalgebra::{Matrix3x4, SMatrix};
 
 use super::singular::{EXACT, ROUGH, second_smallest_singular, smallest_singular};
-use super::streaming_qr::{Row, StreamingQr};
 use crate::geometry::linalg::cholesky;
 use crate::geometry::{VECH3, VECH4};
+use crate::solve::streaming_qr::{Row, StreamingQr};
 
 /// Views whose equations go into the QR factorization at once.
 const BLOCK: usize = 8;

@@ -6,7 +6,6 @@ pub(crate) mod pfd;
 pub mod planes;
 pub(crate) mod reg;
 pub(crate) mod singular;
-pub(crate) mod streaming_qr;
 
 use self::lfd::lfd;
 use self::pfd::{ClosedFormError, pfd};

@@ -4,14 +4,14 @@
 //! Unlike an ellipse inscribed in the box this is not biased: exact boxes of ellipsoids give the exact answer from
 //! three views. Needs three views with at least nine edges that are not on the image border.
 
-use nalgebra::{Matrix3x4, Vector3, Vector4};
+use nalgebra::Vector4;
 
 use super::lfd::ConditionedSolution;
-use super::streaming_qr::StreamingQr;
-use crate::geometry::{BoundingBox, DualQuadric, SupportLine, VECH4};
+use crate::geometry::{DualQuadric, VECH4, edge_plane, support_plane};
 use crate::scene::{BORDER_TOLERANCE_PX, View, edges_at_border};
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::estimate::Status;
+use crate::solve::streaming_qr::StreamingQr;
 
 /// Number of rows per update of the factorization.
 const ROWS_PER_BLOCK: usize = 40;
@@ -21,20 +21,6 @@ const SINGULAR: f64 = 1e-13;
 
 /// Minimum number of tangent planes that determine a quadric.
 pub const FEWEST_PLANES: usize = 9;
-
-/// The plane through the camera and the box edge `edge` (0 left, 1 top, 2 right, 3 bottom), positive on the side of
-/// the box, for a projection `p` of any frame.
-pub fn edge_plane(p: &Matrix3x4<f64>, bounding_box: &BoundingBox, edge: usize) -> Vector4<f64> {
-    let position = bounding_box.edges()[edge];
-    let plane = (p.row(edge % 2) - p.row(2) * position).transpose();
-    if edge < 2 { plane } else { -plane }
-}
-
-/// The plane through the camera and a supporting line, positive on the side of the object, for a projection `p` of any
-/// frame.
-pub fn support_plane(p: &Matrix3x4<f64>, line: &SupportLine) -> Vector4<f64> {
-    p.transpose() * Vector3::new(-line.normal.x, -line.normal.y, line.reach)
-}
 
 /// Solves for the quadric that the planes of the views' box edges touch best.
 ///

@@ -3,7 +3,7 @@
 //! Inverse iteration with two triangular solves a step (about a tenth of the cost of a full decomposition, and more
 //! accurate for graded matrices); where the two smallest singular values lie close together, one-sided Jacobi.
 
-use super::streaming_qr::{Row, StreamingQr};
+use crate::solve::streaming_qr::{Row, StreamingQr};
 
 /// Steps of inverse iteration before the full decomposition is cheaper.
 const MAX_STEPS: usize = 60;

@@ -18,6 +18,7 @@ pub(super) mod shared;
 pub(crate) use self::context::MapContext;
 use self::scene::body_selection::BodyKinds;
 use self::scene::scene_fit::SceneFit;
+use self::shared::found_scales::FoundScale;
 pub(crate) use self::shared::pose_points::PosePoints;
 pub(crate) use self::shared::pose_unknowns::PoseUnknowns;
 use super::cue_scale::CueScale;
@@ -132,7 +133,7 @@ pub(crate) fn map(
         predict_fold(&views_of(*object), views, options.border_margin, fit)
     });
     let (noise, pose_noise) = (scene.noise_report(context), scene.pose_noise());
-    let cue_scales = scene.scales().found().filter_map(CueScale::of).collect();
+    let cue_scales = scene.scales().found().filter_map(FoundScale::report).collect();
     let learnt_sizes = scene.sizes().report();
     MapSolution {
         estimates,

@@ -3,9 +3,8 @@
 use nalgebra::{Matrix3, Matrix3x4, Point3, Rotation3, SVector, Vector2, Vector3};
 use proptest::prelude::*;
 
-use super::learnt_size::LearntSize;
 use super::objective::Objective;
-use super::prior::ObjectPrior;
+use super::prior::{LearntSize, ObjectPrior};
 use super::size_site::{Matrix6, ShapeInformation, SizeSite, Vector6};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;

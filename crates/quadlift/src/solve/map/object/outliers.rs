@@ -15,7 +15,7 @@ use crate::solve::closed_form::planes::{FEWEST_PLANES, quadric_tangent_to, tange
 use crate::solve::map::noise::groups::NoiseGroup;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::residuals::measurements::Measurements;
-use crate::solve::map::residuals::view_rows::SMALLEST_DEPTH;
+use crate::solve::map::residuals::row::SMALLEST_DEPTH;
 
 /// A view whose squared residual is this many times the median view's makes a plain fit suspect. Gaussian residuals of
 /// four edges and 20 views exceed it now and then, so it only asks for a closer look.

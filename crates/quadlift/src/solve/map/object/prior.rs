@@ -1,13 +1,16 @@
 //! Priors of one object: shape, size of its category, upright stance, ground plane.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
-use super::learnt_size::LearntSize;
 use super::size_site::SizeSite;
 use crate::body_model::{BodyModel, descending};
+use crate::geometry::linalg::{cholesky, invert_spd};
+use crate::optimize::normal_equations::{NormalEquations, Row};
+use crate::optimize::student_t::StudentT;
 use crate::scene::ObjectViews;
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::map::context::MapContext;
+use crate::solve::map::shared::size_model::{SizeDistribution, first_order, orders};
 use crate::solve::options::BodyKind;
 
 /// Standard deviation of the tilt of an object that stands, radians (3 degrees): of the object, and of `up` itself.
@@ -59,6 +62,73 @@ impl ObjectPrior {
             }
         }
         names
+    }
+}
+
+/// A learnt size as a prior of an oriented body, in an object's frame.
+#[derive(Debug, Clone)]
+pub(crate) struct LearntSize {
+    /// Logarithms of the half extents, object units.
+    mean: Vector3<f64>,
+    /// W with W^T W the inverse of the covariance.
+    root: Matrix3<f64>,
+    loss: StudentT,
+    /// How much it counts, like the measurements ([`super::fit::Fit::with_learnt_size`]).
+    factor: f64,
+    /// Direction against gravity, if the third axis is the vertical one.
+    up: Option<Vector3<f64>>,
+}
+
+impl LearntSize {
+    /// In object units; `None` where the covariance is singular.
+    pub(crate) fn new(size: &SizeDistribution, up: Option<Vector3<f64>>, factor: f64) -> Option<Self> {
+        let root = cholesky(&invert_spd(&size.covariance)?)?.transpose();
+        Some(Self { mean: size.mean, root, loss: StudentT::new(size.dof), factor, up })
+    }
+
+    /// For each name (length, width, height) the axis of a body that has it: the order that suits best, with its whitened
+    /// residuals.
+    fn named_axes(&self, body: &impl BodyModel) -> ([usize; 3], Vector3<f64>) {
+        let log = body.semi_axes().map(f64::ln);
+        let first = first_order(&log, body.axes(), self.up.as_ref());
+        let mut best = (f64::INFINITY, first, Vector3::zeros());
+        for order in orders(self.up.is_some()) {
+            let axes = order.map(|k| first[k]);
+            let residuals = self.root * (Vector3::from(axes.map(|axis| log[axis])) - self.mean);
+            if residuals.norm_squared() < best.0 {
+                best = (residuals.norm_squared(), axes, residuals);
+            }
+        }
+        (best.1, best.2)
+    }
+
+    /// Adds the prior to the objective.
+    pub(crate) fn add_to(&self, body: &impl BodyModel, equations: &mut NormalEquations) {
+        let gradients = body.log_axes_gradient();
+        let (axes, residuals) = self.named_axes(body);
+        let squares = residuals.norm_squared();
+        let weight = self.loss.weight_of(squares, 3) * self.factor;
+        equations.cost += self.loss.cost_of(squares, 3) * self.factor;
+        for i in 0..3 {
+            let row: Row = std::array::from_fn(|p| (0..3).map(|k| self.root[(i, k)] * gradients[axes[k]][p]).sum());
+            equations.add_row(residuals[i], &row, weight);
+        }
+        body.add_spin_prior(equations);
+    }
+
+    /// The precision of the logarithms of the semi-axes at a body, and that times their mean.
+    pub(super) fn precision(&self, body: &impl BodyModel) -> (Matrix3<f64>, Vector3<f64>) {
+        let (axes, residuals) = self.named_axes(body);
+        let named =
+            self.root.transpose() * self.root * (self.loss.weight_of(residuals.norm_squared(), 3) * self.factor);
+        let (mut precision, mut mean) = (Matrix3::zeros(), Vector3::zeros());
+        for i in 0..3 {
+            mean[axes[i]] = self.mean[i];
+            for j in 0..3 {
+                precision[(axes[i], axes[j])] = named[(i, j)];
+            }
+        }
+        (precision, precision * mean)
     }
 }
 

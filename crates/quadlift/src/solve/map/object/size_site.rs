@@ -8,12 +8,11 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector, SymmetricEigen, Vector3};
 
-use super::learnt_size::first_order;
 use crate::body_model::BodyModel;
 use crate::geometry::linalg::{cholesky, invert_spd, symmetric_eigen3};
 use crate::optimize::normal_equations::{NormalEquations, Row};
-use crate::solve::map::shared::size_model::{SizeDistribution, orders};
-use crate::synthetic::random;
+use crate::random;
+use crate::solve::map::shared::size_model::{SizeDistribution, first_order, orders};
 
 /// Coordinates of a symmetric matrix: its diagonal, and its other entries times the root of two, so that lengths of vectors are
 /// norms of matrices.

@@ -4,7 +4,7 @@
 
 use nalgebra::{Matrix3x4, Vector3};
 
-use super::row::ResidualRow;
+use super::row::{ResidualRow, SMALLEST_DEPTH};
 use crate::body_model::{BodyModel, MeasuredShape};
 use crate::geometry::Body;
 use crate::geometry::rotation::horizontal_basis;
@@ -14,7 +14,6 @@ use crate::scene::{Box3dCue, DepthCue, View};
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::map::noise::groups::NoiseGroup;
 use crate::solve::map::noise::levels::{NoiseLevels, usual_level};
-use crate::solve::map::residuals::view_rows::SMALLEST_DEPTH;
 
 /// Rays along each side of a box in the search for the visible surface.
 const RAYS: usize = 9;

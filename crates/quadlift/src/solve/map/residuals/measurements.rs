@@ -8,9 +8,8 @@ use nalgebra::{Matrix3x4, Vector3, Vector4};
 use super::cues::MeasuredCue;
 use super::ellipse::EllipseMeasurement;
 use crate::body_model::BodyModel;
-use crate::geometry::{Body, SupportLines};
+use crate::geometry::{Body, SupportLines, edge_plane, support_plane};
 use crate::scene::View;
-use crate::solve::closed_form::planes::{edge_plane, support_plane};
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::map::noise::groups::NoiseGroup;
 

@@ -3,6 +3,10 @@
 use crate::optimize::normal_equations::Row;
 use crate::solve::map::noise::groups::NoiseGroup;
 
+/// Depths below this (in object sizes) are taken as this: the object is at or behind the camera, and its residuals
+/// are very large.
+pub(crate) const SMALLEST_DEPTH: f64 = 1e-3;
+
 /// One whitened residual: divided by the noise of its group.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ResidualRow {

@@ -2,13 +2,9 @@
 
 use super::harmonics::to_harmonics;
 use super::measurements::{Measurements, Plane};
-use super::row::ResidualRow;
+use super::row::{ResidualRow, SMALLEST_DEPTH};
 use crate::body_model::BodyModel;
 use crate::solve::map::noise::levels::NoiseLevels;
-
-/// Depths below this (in object sizes) are taken as this: the object is at or behind the camera, and its residuals
-/// are very large.
-pub(crate) const SMALLEST_DEPTH: f64 = 1e-3;
 
 /// Whitened residual of a line, in absolute value, from which on the lines of its outline are compared one by one: something hides a
 /// part of the object there, and the harmonics would spread it over all of them.

@@ -1,6 +1,6 @@
 //! Evidence of views about kinds of bodies.
 
-use super::super::test_scenes::{box_scene, with_scene};
+use super::super::scenes_of_tests::{box_scene, with_scene};
 use super::*;
 use crate::solve::map::residuals::measurements::Plane;
 use crate::synthetic::SyntheticOptions;

@@ -2,8 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use super::scene_fit::SceneFit;
-use crate::parallel::map_indices;
 use crate::solve::learnt_size::LearntCategorySize;
 use crate::solve::map::context::MapContext;
 use crate::solve::map::object::fit::Fit;
@@ -30,7 +28,7 @@ struct Group {
 
 impl SceneSizes {
     /// From fitted objects: index in the scene, fit, what its measurements tell about its size.
-    fn learn(objects: &[(usize, &Fit, SizeInformation)], context: &MapContext) -> Self {
+    pub(super) fn learn(objects: &[(usize, &Fit, SizeInformation)], context: &MapContext) -> Self {
         let mut found = Self::default();
         let mut keys: Vec<(usize, BodyKind)> = Vec::new();
         for (_, fit, _) in objects {
@@ -64,12 +62,14 @@ impl SceneSizes {
         group.and_then(|group| group.sizes.of_all.as_ref())
     }
 
+    /// Whether no object learns anything.
+    pub(super) fn are_none(&self) -> bool {
+        self.of_object.values().all(Option::is_none)
+    }
+
     /// What was learnt, by category and kind of body.
     pub(crate) fn report(&self) -> Vec<LearntCategorySize> {
-        self.groups
-            .iter()
-            .map(|group| LearntCategorySize::new(group.category, group.kind, group.objects, &group.sizes))
-            .collect()
+        self.groups.iter().map(|group| group.sizes.report(group.category, group.kind, group.objects)).collect()
     }
 }
 
@@ -77,27 +77,4 @@ impl SceneSizes {
 fn group_of(fit: &Fit) -> Option<(usize, BodyKind)> {
     let category = fit.problem.views.category_index.filter(|_| fit.problem.prior.log_size.is_none())?;
     Some((category, fit.problem.kind))
-}
-
-impl SceneFit {
-    /// The same with sizes of categories learnt from the objects, if that is asked for.
-    pub(crate) fn with_learnt_sizes(mut self, context: &MapContext) -> Self {
-        if !context.options.learn_sizes || context.watch.is_canceled() {
-            return self;
-        }
-        let told = map_indices(self.len(), |k| self.size_information(k, context));
-        let objects: Vec<(usize, &Fit, SizeInformation)> = self
-            .fit_of_each()
-            .into_iter()
-            .zip(told)
-            .filter_map(|(fit, told)| fit.zip(told))
-            .map(|(fit, told)| (fit.problem.views.object_index, fit, told))
-            .collect();
-        let sizes = SceneSizes::learn(&objects, context);
-        if sizes.of_object.values().all(Option::is_none) {
-            self.sizes = sizes;
-            return self;
-        }
-        self.with_sizes(sizes, context).again(context)
-    }
 }

@@ -7,5 +7,5 @@ pub(crate) mod learnt_sizes;
 pub(crate) mod scene_fit;
 mod scene_scales;
 #[cfg(test)]
-mod test_scenes;
+mod scenes_of_tests;
 pub(crate) mod upright;

@@ -279,6 +279,27 @@ impl SceneFit {
         median_level(self.fits().filter_map(|fit| fit.misfit(&self.noise))).clamp(LEAST_LEVEL, 1.0)
     }
 
+    /// The same with sizes of categories learnt from the objects, if that is asked for.
+    pub(crate) fn with_learnt_sizes(mut self, context: &MapContext) -> Self {
+        if !context.options.learn_sizes || context.watch.is_canceled() {
+            return self;
+        }
+        let told = map_indices(self.len(), |k| self.size_information(k, context));
+        let objects: Vec<(usize, &Fit, SizeInformation)> = self
+            .fit_of_each()
+            .into_iter()
+            .zip(told)
+            .filter_map(|(fit, told)| fit.zip(told))
+            .map(|(fit, told)| (fit.problem.views.object_index, fit, told))
+            .collect();
+        let sizes = SceneSizes::learn(&objects, context);
+        if sizes.are_none() {
+            self.sizes = sizes;
+            return self;
+        }
+        self.with_sizes(sizes, context).again(context)
+    }
+
     /// The fits of the objects with these sizes, before the noise levels are estimated again.
     pub(super) fn with_sizes(mut self, sizes: SceneSizes, context: &MapContext) -> Self {
         let level = self.size_level();

@@ -2,7 +2,7 @@
 
 use nalgebra::SVector;
 
-use super::super::test_scenes::{box_scene, with_scene};
+use super::super::scenes_of_tests::{box_scene, with_scene};
 use super::*;
 use crate::geometry::linalg::invert_spd;
 use crate::scene::Scene;

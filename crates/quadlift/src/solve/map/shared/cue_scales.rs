@@ -320,7 +320,7 @@ mod tests {
             assert!((0.07..0.1).contains(&total) && (0.75..1.0).contains(&(shared / total)), "{total} {shared}");
         }
         // Reported are the extents.
-        assert_eq!(scales.found().filter_map(crate::solve::CueScale::of).count(), 3);
+        assert_eq!(scales.found().filter_map(|found| found.report()).count(), 3);
     }
 
     #[test]

@@ -189,7 +189,7 @@ impl Factor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synthetic::random::{normal, stream};
+    use crate::random::{normal, stream};
     use nalgebra::{DMatrix, DVector};
 
     /// A positive definite matrix with this envelope, and the same full.

@@ -1,6 +1,7 @@
 //! What is found about the sources of cues, as it is reported: factors of lengths and shifts of depths with their standard deviations.
 
 use super::cue_scales::{Constant, CueScales};
+use crate::solve::cue_scale::{CueScale, DepthShift, ScaledQuantity};
 
 /// A constant of a source, with what all of the source share.
 #[derive(Debug, Clone, Copy)]
@@ -12,6 +13,21 @@ pub(crate) struct FoundScale {
     /// For depths, what is added to the true depth times the factor, in the source's lengths, and its standard deviation; `None` where
     /// no shift is estimated.
     pub shift: Option<(f64, f64)>,
+}
+
+impl FoundScale {
+    /// As it is reported; `None` for a part of others.
+    pub(crate) fn report(self) -> Option<CueScale> {
+        let (quantity, source) = match self.constant {
+            Constant::Depth(source) => (ScaledQuantity::Depth, source),
+            Constant::DepthOfFrame(source, frame) => (ScaledQuantity::DepthOfFrame { frame }, source),
+            Constant::Distance(source) => (ScaledQuantity::BoxDistance, source),
+            Constant::Sizes(..) | Constant::DepthShift(_) => return None,
+            Constant::Size(source, category, axis) => (ScaledQuantity::BoxSize { category, axis }, source),
+        };
+        let shift = self.shift.map(|(value, sd)| DepthShift { value, sd });
+        Some(CueScale { quantity, source, factor: self.log_factor.exp(), log_sd: self.log_sd, shift })
+    }
 }
 
 impl CueScales {

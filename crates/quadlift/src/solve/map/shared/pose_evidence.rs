@@ -6,8 +6,7 @@ use nalgebra::{Matrix6, Vector2};
 
 use super::pose_prior::{PoseLevels, PosePrior};
 use super::pose_system::{LARGEST_STEP, PoseEquations, PoseSystem};
-use super::pose_terms::SceneTerms;
-use super::poses::Motion;
+use super::pose_terms::{Motion, SceneTerms};
 use crate::parallel::map_indices;
 use crate::tuning::CLEAR;
 

@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix2x3, Matrix3, Point3, SMatrix, Vector2, Vector3};
 
 use super::point_tracks::Track;
-use super::pose_terms::{FrameTerm, PointPoseTerms};
-use super::poses::{Motion, PoseCorrections};
+use super::pose_terms::{FrameTerm, Motion, PointPoseTerms};
+use super::poses::PoseCorrections;
 use crate::geometry::Projection;
 use crate::optimize::student_t::StudentT;
 use crate::parallel::map_indices;

@@ -1,5 +1,6 @@
 use super::*;
 use crate::geometry::{CamFromWorld, Intrinsics};
+use crate::random::{normal, stream};
 use crate::scene::{SceneBuilder, SceneParts};
 use crate::solve::map::shared::pose_prior::{PoseLevels, PosePrior};
 use crate::solve::map::shared::pose_system::{PoseEquations, PoseSystem};
@@ -7,7 +8,6 @@ use crate::solve::map::shared::pose_terms::SceneTerms;
 use crate::solve::map::shared::pose_unknowns::PoseUnknowns;
 use crate::solve::options::{MapOptions, PoseMotion, PoseNoise};
 use crate::solve::refined_pose::RefinedPose;
-use crate::synthetic::random::{normal, stream};
 use crate::synthetic::{Observations, SyntheticOptions, Trajectory, generate};
 use nalgebra::{DMatrix, DVector, Matrix3x4, Rotation3, Vector6};
 use std::sync::Arc;

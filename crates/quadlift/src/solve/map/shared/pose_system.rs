@@ -4,8 +4,7 @@ use nalgebra::{Matrix6, SMatrix, SVector, Vector6};
 
 use super::envelope::{Envelope, Factor};
 use super::pose_prior::PoseLevels;
-use super::pose_terms::{PoseTerms, SceneTerms};
-use super::poses::Motion;
+use super::pose_terms::{Motion, PoseTerms, SceneTerms};
 use crate::optimize::normal_equations::PARAMETERS;
 use crate::solve::options::PoseNoise;
 
@@ -383,8 +382,8 @@ impl PoseSystem {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::{normal, stream};
     use crate::solve::map::shared::pose_terms::FrameTerm;
-    use crate::synthetic::random::{normal, stream};
     use nalgebra::{Cholesky, DMatrix, DVector, SVector};
 
     const FRAMES: [usize; 3] = [2, 3, 7];

@@ -2,10 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Matrix6, SMatrix, SVector};
+use nalgebra::{Matrix6, SMatrix, SVector, Vector6};
 
-use super::poses::Motion;
 use crate::optimize::normal_equations::PARAMETERS;
+
+/// Correction of a camera: a rotation about its center (rotation vector, radians) and a shift (world units), both in
+/// world axes.
+pub(crate) type Motion = Vector6<f64>;
 
 /// What the measurements of an object, or of a point, with `N` parameters in one frame tell about the camera.
 #[derive(Debug, Clone)]

@@ -5,9 +5,38 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3};
 
-use super::pose_terms::{FrameTerm, PoseTerms, SceneTerms};
-use super::poses::Correction;
+use super::pose_terms::{FrameTerm, Motion, PoseTerms, SceneTerms};
+use crate::geometry::rotation_vector;
 use crate::scene::Frame;
+
+/// The correction of one camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Correction {
+    pub(super) turn: Rotation3<f64>,
+    pub(super) shift: Vector3<f64>,
+}
+
+impl Correction {
+    pub(super) fn of(motion: &Motion) -> Self {
+        Self {
+            turn: Rotation3::new(motion.fixed_rows::<3>(0).into_owned()),
+            shift: motion.fixed_rows::<3>(3).into_owned(),
+        }
+    }
+
+    pub(super) fn motion(&self) -> Motion {
+        let turn = rotation_vector(&self.turn);
+        Motion::new(turn.x, turn.y, turn.z, self.shift.x, self.shift.y, self.shift.z)
+    }
+
+    pub(super) fn after(&self, before: Option<&Self>) -> Self {
+        before.map_or(*self, |b| Self { turn: self.turn * b.turn, shift: self.shift + b.shift })
+    }
+
+    pub(super) fn inverse(&self) -> Self {
+        Self { turn: self.turn.inverse(), shift: -self.shift }
+    }
+}
 
 /// A camera of a rig.
 #[derive(Debug, Clone, Copy)]
@@ -155,7 +184,6 @@ mod tests {
     use super::*;
     use crate::geometry::Projection;
     use crate::scene::RigCamera;
-    use crate::solve::map::shared::poses::Motion;
     use nalgebra::{Matrix3x4, Vector6};
 
     fn frame(rig: Option<(u64, u32)>, k: usize) -> Frame {

@@ -3,50 +3,17 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use nalgebra::{Matrix6, Rotation3, SMatrix, Vector3, Vector6};
+use nalgebra::{Matrix6, SMatrix};
 
 use super::pose_prior::{PoseLevels, PosePrior};
 use super::pose_system::{LARGEST_STEP, PoseEquations, PoseSystem};
-use super::pose_terms::{ObjectPoseTerms, SceneTerms};
-use super::pose_unknowns::PoseUnknowns;
-use crate::geometry::{Projection, rotation_vector};
+use super::pose_terms::{Motion, ObjectPoseTerms, SceneTerms};
+use super::pose_unknowns::{Correction, PoseUnknowns};
+use crate::geometry::Projection;
 use crate::optimize::normal_equations::PARAMETERS;
 use crate::scene::ObjectViews;
 use crate::solve::estimate::Matrix9;
 use crate::solve::refined_pose::RefinedPose;
-
-/// Correction of a camera: a rotation about its center (rotation vector, radians) and a shift (world units), both in
-/// world axes.
-pub(crate) type Motion = Vector6<f64>;
-
-/// The correction of one camera.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Correction {
-    pub(super) turn: Rotation3<f64>,
-    pub(super) shift: Vector3<f64>,
-}
-
-impl Correction {
-    pub(super) fn of(motion: &Motion) -> Self {
-        Self {
-            turn: Rotation3::new(motion.fixed_rows::<3>(0).into_owned()),
-            shift: motion.fixed_rows::<3>(3).into_owned(),
-        }
-    }
-
-    pub(super) fn motion(&self) -> Motion {
-        let turn = rotation_vector(&self.turn);
-        Motion::new(turn.x, turn.y, turn.z, self.shift.x, self.shift.y, self.shift.z)
-    }
-
-    fn after(&self, before: Option<&Self>) -> Self {
-        before.map_or(*self, |b| Self { turn: self.turn * b.turn, shift: self.shift + b.shift })
-    }
-
-    fn inverse(&self) -> Self {
-        Self { turn: self.turn.inverse(), shift: -self.shift }
-    }
-}
 
 /// Corrections of the cameras, by frame index.
 #[derive(Debug, Clone, Default)]

@@ -7,8 +7,11 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::body_model::descending;
 use crate::geometry::linalg::{cholesky, invert_spd};
 use crate::parallel::map_indices;
+use crate::solve::learnt_size::LearntCategorySize;
+use crate::solve::options::{BodyKind, SizePrior};
 use crate::tuning::{CATEGORY_SPREAD, LEARNT_DOF};
 
 /// Objects, worth this many that are well determined, that others need before they get a prior.
@@ -33,6 +36,14 @@ const FLAT: f64 = 1e-6;
 /// nothing but their lengths names them.
 const HORIZONTAL_ORDERS: [[usize; 3]; 2] = [[0, 1, 2], [1, 0, 2]];
 const ALL_ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+
+/// The axes in the order length, width, height with a vertical height, or from the longest to the shortest.
+pub(crate) fn first_order(log: &Vector3<f64>, axes: &Matrix3<f64>, up: Option<&Vector3<f64>>) -> [usize; 3] {
+    let Some(up) = up else { return descending(log) };
+    let vertical = axes.tr_mul(up).iamax();
+    let (a, b) = ((vertical + 1) % 3, (vertical + 2) % 3);
+    if log[a] >= log[b] { [a, b, vertical] } else { [b, a, vertical] }
+}
 
 /// The orders that the axes may have.
 pub(crate) fn orders(named: bool) -> &'static [[usize; 3]] {
@@ -108,6 +119,16 @@ impl LearntSizes {
         let of_each: Vec<_> = (0..objects.len()).map(|k| of_others[k % stride]).collect();
         let of_all = without(None).filter(|_| of_each.iter().any(Option::is_some));
         Self { of_all, of_each, worth: objects.iter().map(SizeInformation::worth).sum() }
+    }
+
+    /// As they are reported: those of a category and kind of body, learnt from so many objects.
+    pub(crate) fn report(&self, category: usize, body: BodyKind, objects: usize) -> LearntCategorySize {
+        let size = self.of_all.map(|size| {
+            let mean: [f64; 3] = std::array::from_fn(|k| 2.0 * size.mean[k].exp());
+            SizePrior { mean, sd: std::array::from_fn(|k| mean[k] * size.covariance[(k, k)].sqrt()) }
+        });
+        let named = self.of_all.is_some_and(|size| size.named);
+        LearntCategorySize { category, body, objects, well_determined: self.worth, size, named }
     }
 }
 
@@ -204,7 +225,7 @@ fn renamed(object: &SizeInformation, mean: &Vector3<f64>, inverse: &Matrix3<f64>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synthetic::random;
+    use crate::random;
 
     const SHAPE_SD: f64 = 0.4;
 
