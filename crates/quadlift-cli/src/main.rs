@@ -2,21 +2,16 @@
 #![forbid(unsafe_code)]
 
 mod args;
-mod association;
-mod commands;
 mod contact_sheet;
-mod corrections;
-mod diagnosis;
 mod error;
-mod estimate_table;
-mod evaluation;
 mod files;
 mod help;
 mod labels;
-mod localization;
-mod next;
 mod options;
 mod output;
+mod corrections;
+mod diagnosis;
+mod next;
 mod outputs;
 mod pose_check;
 mod progress;
@@ -28,6 +23,11 @@ mod signals;
 mod table;
 mod threads;
 mod words;
+mod association;
+mod estimate_table;
+mod evaluation;
+mod localization;
+mod commands;
 
 use std::process::ExitCode;
 

@@ -8,46 +8,47 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
-pub mod align;
-pub mod association;
-mod atomic;
-pub mod calibrate;
-pub mod calibration;
-pub mod correct;
 mod destination;
-pub mod diagnosis;
 mod error;
-pub mod evaluation;
 pub mod file_names;
 mod format_options;
-pub mod formats;
 pub mod guard;
-pub mod images;
 mod input;
-mod instants;
-pub mod locate;
-#[cfg(feature = "mcap")]
-pub mod mcap;
 mod numbers;
-pub mod options;
+mod temporary;
+mod atomic;
+pub mod images;
+mod text;
 mod point_cloud;
+pub mod video;
+pub mod wording;
 pub mod priors;
 pub mod problems;
-pub mod read;
-pub mod run;
 pub mod scene_file;
+pub mod association;
+pub mod calibration;
+pub mod correct;
+pub mod diagnosis;
+pub mod evaluation;
+mod instants;
+pub mod locate;
+pub mod calibrate;
+pub mod options;
+pub mod read;
 pub mod segmentation;
 pub mod stream;
+#[cfg(feature = "mcap")]
+pub mod mcap;
+pub mod run;
 pub mod synthetic_file;
 #[cfg(feature = "parquet")]
 pub mod tables;
-mod temporary;
+pub mod formats;
+pub mod write;
+pub mod align;
+
 #[cfg(test)]
 mod test_data;
-mod text;
-pub mod video;
-pub mod wording;
-pub mod write;
 
 pub use atomic::{write_file, write_folder};
 pub use destination::is_standard_output;

@@ -1,28 +1,28 @@
 //! `quadlift._core`: the library and the files as Python objects and NumPy arrays. The public API, with its checks of
 //! shapes and its documentation, is the Python package `quadlift` (python/quadlift) over it.
 
-mod association;
-mod calibrate;
-mod cues;
-mod detections;
 mod error;
 mod evaluation;
-mod formats;
 mod frames;
 mod live;
-mod loaded;
-mod localized;
+mod rows;
+mod calibrate;
+mod cues;
 mod locate;
-mod object_map;
-mod options;
 mod outlines;
+mod detections;
+mod loaded;
 mod recording;
 mod render;
-mod rows;
 mod run;
 mod scene;
-mod scene_methods;
+mod options;
+mod association;
+mod formats;
+mod localized;
+mod object_map;
 mod segmentation;
+mod scene_methods;
 
 use pyo3::prelude::*;
 

@@ -5,23 +5,23 @@
 //! is part of this crate.
 #![forbid(unsafe_code)]
 
-mod colors;
-mod content;
-mod cues;
 mod data;
-mod document;
+mod colors;
+mod cues;
 mod frame_image;
-mod live;
 mod masks;
-mod objects;
 mod outline;
 mod page;
 mod picture;
-mod poses;
-mod recording;
 mod run;
+mod poses;
 mod scores;
+mod content;
+mod objects;
 mod thumbnails;
+mod document;
+mod recording;
+mod live;
 
 pub use content::{Content, MOST_BYTES, MOST_DETECTIONS, MOST_FRAMES, MOST_OBJECTS};
 pub use data::{

@@ -10,14 +10,13 @@ use quadlift_io::EntryError;
 use serde::Serialize;
 
 use crate::colors::{Color, UNKNOWN};
-use crate::content::Content;
+use crate::content::{Content, MOST_FRAMES};
 use crate::cues::box_in_world;
-use crate::data::{Report, ReportBody, ReportFrame};
+use crate::data::{Report, ReportBody, ReportFrame, ReportObject};
 use crate::document::report_of_frames;
 use crate::outline::{ellipse_points, outline, support_polygon};
 use crate::poses::{refined_poses, with_refined_poses};
 use crate::thumbnails::evenly_spread;
-use crate::{MOST_FRAMES, ReportObject};
 
 /// A line through points in pixels.
 type Line = Vec<[f64; 2]>;

@@ -14,7 +14,7 @@ use quadlift_io::write::mcap::MapMessages;
 use quadlift_io::write::{BodyChoice, CheckedScene};
 use quadlift_io::{ReadError, SceneFile};
 
-use crate::Options;
+use crate::options::Options;
 use crate::bytes::Bytes;
 
 /// A map at an instant, to be estimated on any thread.

@@ -7,15 +7,15 @@
 //! objects.
 #![forbid(unsafe_code)]
 
-pub mod arguments;
 pub mod bytes;
-pub mod estimation;
-pub mod node;
-pub mod options;
 pub mod parameters;
 mod params_file;
+pub mod arguments;
+pub mod options;
+pub mod estimation;
 pub mod query;
 pub mod session;
+pub mod node;
 
 pub use options::Options;
 pub use session::Session;

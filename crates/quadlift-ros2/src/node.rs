@@ -23,7 +23,8 @@ use crate::estimation::{Estimate, Snapshot};
 use crate::options::{Files, publish_period};
 use crate::parameters::{self, Value};
 use crate::session::{Action, Output};
-use crate::{Options, Session};
+use crate::options::Options;
+use crate::session::Session;
 
 /// Messages between the threads, at most; then DDS keeps the newest ones.
 const MOST_EVENTS: usize = 1000;

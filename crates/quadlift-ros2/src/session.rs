@@ -12,7 +12,7 @@ use quadlift_io::stream::{
 };
 use quadlift_io::write_scene_file;
 
-use crate::Options;
+use crate::options::Options;
 use crate::arguments::Level;
 use crate::bytes::Bytes;
 use crate::estimation::{Estimate, Snapshot, text_message};

@@ -54,32 +54,32 @@
 //! `serde`: the state of an object map ([`online::MapState`]) can be written and read.
 #![forbid(unsafe_code)]
 
-pub mod align;
-pub mod association;
-mod body_model;
-pub mod calibrate;
-pub mod cross_validation;
-pub mod diagnosis;
-pub mod geometry;
-mod localize;
-pub mod locate;
-pub mod metrics;
-mod names;
 mod observer;
-pub mod online;
-mod optimize;
-pub mod options;
 mod parallel;
-pub mod random;
-pub mod run;
-pub mod scene;
-pub mod solve;
-pub mod synthetic;
 #[cfg(not(feature = "sensitivity"))]
 mod tuning;
 #[cfg(feature = "sensitivity")]
 #[doc(hidden)]
 pub mod tuning;
+pub mod random;
+pub mod geometry;
+mod optimize;
+mod body_model;
+pub mod scene;
+pub mod solve;
+pub mod cross_validation;
+pub mod association;
+pub mod diagnosis;
+pub mod metrics;
+pub mod calibrate;
+mod localize;
+mod names;
+pub mod options;
+pub mod run;
+pub mod locate;
+pub mod align;
+pub mod online;
+pub mod synthetic;
 
 pub use association::{associate, associate_observed};
 pub use localize::{Localization, LocalizeError, LocalizeOptions, MeasurementKind};

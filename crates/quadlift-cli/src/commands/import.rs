@@ -1,11 +1,11 @@
 //! `quadlift import`: files of other programs become a scene file, or detections of one. A subcommand for each format, made
 //! of its row.
 
-mod cameras;
-mod detections;
 pub mod matching;
 pub mod paths;
 pub mod words;
+mod cameras;
+mod detections;
 
 use std::path::PathBuf;
 

@@ -1,8 +1,8 @@
 //! `quadlift localize`: from detections to objects.
 
-mod args;
 mod calibration;
 mod direct;
+mod args;
 mod one_scene;
 
 use std::path::{Path, PathBuf};

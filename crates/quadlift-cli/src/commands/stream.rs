@@ -2,9 +2,9 @@
 
 mod map_file;
 mod rerun;
-mod session;
 mod source;
 mod words;
+mod session;
 
 use std::path::{Path, PathBuf};
 

@@ -3,8 +3,8 @@
 //! The objects of a result become those of a map ([`SceneFile::to_map_objects`](crate::SceneFile::to_map_objects)); with the transform that was found, the second file
 //! is moved into the frame of the first one ([`SceneFile::move_by`](crate::SceneFile::move_by)) and added to it ([`merge`]).
 
-mod assumptions;
 mod map_objects;
+mod assumptions;
 mod merge;
 mod moved;
 mod record;

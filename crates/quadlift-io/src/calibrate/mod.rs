@@ -3,8 +3,8 @@
 //! Cameras, frames and detections of a scene file become a rig ([`SceneFile::to_rig`](crate::SceneFile::to_rig)), and the poses that
 //! were found are written into that file ([`RigScene::write`]).
 
-mod record;
 mod rig;
+mod record;
 #[cfg(test)]
 mod tests;
 

@@ -4,14 +4,14 @@
 //! The mathematics is that of [`quadlift::diagnosis`], which finds the mistakes; here its maps are applied to the
 //! records, before the scene is built, so that lenses, image borders and masks are right as well.
 
-pub mod assume;
 mod boxes;
-mod cameras;
 mod cues;
 mod frames;
 mod poses;
-mod record_correction;
+mod cameras;
 mod rounding;
+mod record_correction;
+pub mod assume;
 
 #[cfg(test)]
 mod tests;

@@ -3,19 +3,19 @@
 //! A log is read twice, and never as a whole in memory. The first reading finds the topics, the cameras and how the frames hang
 //! together ([`McapLog::open`]), the second one gives the frames in the order of their times ([`McapLog::frames`]).
 
-mod cdr;
 mod container;
-mod decode;
 mod definitions;
-mod frames;
-mod live;
+mod schema;
+mod value;
+mod cdr;
 mod messages;
 mod protobuf;
+mod decode;
 mod recorded;
-mod scan;
-mod schema;
 mod tree;
-mod value;
+mod scan;
+mod frames;
+mod live;
 mod writer;
 
 #[cfg(test)]

@@ -4,8 +4,8 @@
 //! models with their names. Format: `src/colmap/scene/reconstruction_io` of COLMAP.
 
 mod models;
-mod observed;
 mod points;
+mod observed;
 mod rigs;
 
 use std::collections::BTreeMap;

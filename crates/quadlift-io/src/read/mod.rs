@@ -2,28 +2,28 @@
 //! convention (OpenCV axes, `cam_from_world`, pixels measured from the corner of the image), to which [`detections`] are
 //! added.
 
-mod arkit;
-mod bop;
 mod bytes;
-mod colmap;
-pub mod detections;
-mod format;
 mod import;
 pub(crate) mod json;
-pub mod kitti;
+mod options;
+mod poses;
 mod kitti_geometry;
 pub(crate) mod kitti_labels;
-mod kitti_raw;
+mod probe;
+mod format;
+mod arkit;
+mod colmap;
 mod nerfstudio;
 mod nuscenes;
 mod opensfm;
-mod options;
-mod poses;
-mod probe;
 mod projections;
 mod static_objects;
+mod bop;
+pub mod kitti;
 mod tum;
 mod xml;
+pub mod detections;
+mod kitti_raw;
 
 #[cfg(test)]
 mod real_data_tests;

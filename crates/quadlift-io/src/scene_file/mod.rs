@@ -6,22 +6,22 @@
 //! the frames and the masks of the detections, [`SceneFile::add_support_lines`] the lines that bound the masks,
 //! [`SceneFile::add_depths`] the depths of detections in depth images, [`SceneFile::add_depths_of_points`] those of points.
 
-mod bodies;
-mod convert;
 mod cue_records;
-mod depth_images;
 mod expected;
-mod images;
 mod object_records;
+mod records;
+mod bodies;
+mod images;
+mod depth_images;
 mod paths;
 mod point_clouds;
-mod read;
-mod records;
 mod results;
 mod run;
 mod suggest;
+mod convert;
 mod support_lines;
 mod unknown;
+mod read;
 mod write;
 
 #[cfg(test)]

@@ -5,9 +5,9 @@
 //! [`StreamedScene`] checks and converts to frames of [`quadlift::online`]. [`StreamedScene::to_file`] makes a scene file
 //! of the map, [`StreamState`] holds what that file cannot. [`OutputLine`] is a line of the output.
 
-mod event;
 mod input;
 mod line;
+mod event;
 mod map_file;
 mod options;
 mod scene;

@@ -5,8 +5,8 @@
 //! what defines them.
 
 mod columns;
-mod read;
 mod values;
+mod read;
 mod write;
 
 #[cfg(test)]

@@ -4,28 +4,28 @@
 //! A size has several meanings in these formats: half extents (scene files), full extents (ROS, KITTI), scale factors of
 //! a body of radius one (glTF). Every file says which one it writes.
 
-mod bop;
-mod boxer;
-mod cameras;
-mod coco;
 mod colors;
-mod csv;
-mod format;
 mod frusta;
 pub mod geodesy;
-mod geojson;
-mod glb;
-mod kitti;
-#[cfg(feature = "mcap")]
-pub mod mcap;
 mod mesh;
 mod options;
+mod format;
+mod cameras;
+mod coco;
+mod csv;
+mod glb;
 mod ply;
 mod ros;
 mod scores;
+mod geojson;
 mod stamps;
+#[cfg(feature = "mcap")]
+pub mod mcap;
 mod units;
 mod views;
+mod bop;
+mod boxer;
+mod kitti;
 
 #[cfg(test)]
 pub(crate) mod test_scene;

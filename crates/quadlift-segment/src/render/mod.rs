@@ -4,15 +4,15 @@
 //! them on an arc, much as a person with a camera would. What is drawn follows the numpy prototype with which the
 //! segmentation was developed: colors of the objects overlap with those of the clutter and of the ground.
 
-mod camera;
-mod envelope;
-mod frame;
-mod objects;
-mod options;
+mod texture;
 mod sensor;
 mod solid;
-mod texture;
+mod envelope;
+mod objects;
+mod options;
+mod camera;
 mod world;
+mod frame;
 
 pub use objects::ObjectKind;
 pub use options::RenderOptions;

@@ -10,13 +10,13 @@
 //! ```
 //! Variational EM: exact posteriors of the stels, point estimates of everything else.
 
-mod components;
-mod expectation;
-mod fit;
-mod maximization;
-mod model;
 mod options;
 mod stels;
+mod model;
+mod expectation;
+mod components;
+mod maximization;
+mod fit;
 
 pub(crate) use fit::{EXCLUDED, fit};
 pub use options::ScaOptions;

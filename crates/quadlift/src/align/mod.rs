@@ -42,11 +42,11 @@
 //! assert!((found.transforms[0].a_from_b.matrix() - truth.matrix()).norm() < 1e-6);
 //! ```
 
-mod hypotheses;
 mod log_shape;
 mod prepared;
 mod refine;
 mod score;
+mod hypotheses;
 #[cfg(test)]
 mod tests;
 

@@ -19,18 +19,19 @@
 //!
 //! The algorithm is deterministic: the same input gives the same result on any number of threads.
 
-mod implausible;
-pub(crate) mod input;
+pub(crate) mod statistics;
+mod warning;
 mod options;
-mod result;
+pub(crate) mod input;
 pub(crate) mod score;
 pub(crate) mod search;
-pub(crate) mod statistics;
+mod implausible;
+mod result;
+
 #[cfg(test)]
 mod test_scenes;
 #[cfg(test)]
 mod tests;
-mod warning;
 
 pub use options::{AssociateError, AssociateOptions, IdUse, Part};
 pub use result::{AssociatedObject, Association, Outcome};

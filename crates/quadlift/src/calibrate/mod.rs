@@ -6,17 +6,17 @@
 //! their places are adjusted together, to the edges of all boxes (`problem`, `adjust`). A camera that is not determined has
 //! a status that says why, and no pose.
 
-mod adjust;
-mod alternatives;
-mod assemble;
-mod contradictions;
 mod kabsch;
-mod outcome;
 mod pairs;
 mod predicted;
-mod prepared;
 mod problem;
+mod adjust;
+mod prepared;
+mod assemble;
 mod solution;
+mod alternatives;
+mod outcome;
+mod contradictions;
 #[cfg(test)]
 mod tests;
 

@@ -12,35 +12,36 @@
 //! 6. `upright`, `lengths`: `up` against the cameras, lengths against priors on sizes, which boxes and poses do not determine.
 
 mod agreement;
-mod apply;
 mod camera;
-mod cause;
-mod correction;
-mod fit;
 mod frame_order;
-pub(crate) use frame_order::natural_places;
-mod hypotheses;
-mod lengths;
-mod misses;
-mod object_ids;
 mod pixel_map;
+mod correction;
+mod apply;
+mod cause;
+mod hypotheses;
 mod rays;
 mod sample;
+mod misses;
 mod search;
 mod some_frames;
-#[cfg(test)]
-mod tests;
 mod trajectory;
-mod trials;
 mod upright;
 mod verdict;
+mod fit;
+mod lengths;
+mod trials;
+mod object_ids;
 mod with_ids;
 mod without_ids;
+
+#[cfg(test)]
+mod tests;
 
 pub use agreement::Agreement;
 pub use camera::CameraParts;
 pub use cause::{Cause, CauseName};
 pub use correction::{BoxFormat, Correction, Mistake};
+pub(crate) use frame_order::natural_places;
 pub use pixel_map::PixelMap;
 pub use verdict::Diagnosis;
 pub use with_ids::diagnose;

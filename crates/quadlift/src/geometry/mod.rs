@@ -4,26 +4,26 @@
 //! (the first pixel's center is at 0.5, 0.5); angles are radians; the world unit is the user's.
 
 mod bounding_box;
-mod camera;
 mod camera_model;
 mod convex_body;
-mod cuboid;
 mod cylinder;
 mod ellipse;
-mod ellipsoid;
 pub(crate) mod gamma;
-mod lens;
 pub(crate) mod linalg;
 mod oriented_box;
-mod projection;
 pub(crate) mod quadrature;
-mod reach;
-pub(crate) mod rigid;
 pub(crate) mod rotation;
-mod similarity;
+mod camera;
+mod lens;
+pub(crate) mod rigid;
 mod superellipsoid;
 mod support_lines;
 mod vech;
+mod ellipsoid;
+mod cuboid;
+mod projection;
+mod reach;
+mod similarity;
 pub(crate) mod visible_surface;
 
 pub use bounding_box::{BoundingBox, BoundingBoxError};

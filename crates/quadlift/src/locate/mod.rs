@@ -43,10 +43,10 @@
 //! ```
 
 mod check;
-mod hypotheses;
 mod prepared;
 mod refine;
 mod score;
+mod hypotheses;
 #[cfg(test)]
 mod tests;
 

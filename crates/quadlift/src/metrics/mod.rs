@@ -3,20 +3,20 @@
 //! [`evaluate`] scores a list of objects, [`pairwise_clustering_scores`] associations of detections; the individual
 //! measures are separate functions. O3D of the paper is [`iou3d_ellipsoids`], its theta_err is [`main_axis_angle`].
 
-mod association;
 mod axes;
-mod calibration;
 mod circle_ellipse;
-mod evaluate;
-mod iou_bodies;
 mod iou_cuboids;
 mod iou_ellipses;
 mod iou_ellipsoids;
+mod iou_bodies;
 mod nees;
 mod overlap;
+mod association;
 mod reprojection;
 mod scores;
+mod evaluate;
 mod squared_errors;
+mod calibration;
 
 pub use association::{DivisionScore, FoundScore, pairwise_clustering_scores, score_found};
 pub use axes::{axis_error, center_error, main_axis_angle, rotation_error_modulo_symmetry, sorted_axes_error};

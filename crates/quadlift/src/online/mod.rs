@@ -18,36 +18,37 @@
 //!
 //! Nothing is random, and the only clock is the times of the frames: the same frames give the same map.
 
-mod births;
-#[cfg(test)]
-mod cue_tests;
-mod current;
-mod exchange;
 mod input;
 mod kept_cues;
 mod kept_shape;
 mod keyframes;
-mod learning;
-mod lifecycle;
-mod locate;
-mod map;
-mod matching;
-mod merging;
 mod names;
-mod observe;
 mod options;
-mod poses;
-mod recent;
 mod running;
-mod scene;
-mod state;
-mod summary;
-#[cfg(test)]
-mod tests;
-mod tracked;
 mod update;
 mod views;
+mod current;
+mod summary;
+mod tracked;
 mod visibility;
+mod map;
+mod births;
+mod exchange;
+mod learning;
+mod locate;
+mod matching;
+mod lifecycle;
+mod merging;
+mod observe;
+mod poses;
+mod recent;
+mod scene;
+mod state;
+
+#[cfg(test)]
+mod cue_tests;
+#[cfg(test)]
+mod tests;
 
 pub use input::{Detection, Frame, ObserveError};
 pub use kept_shape::MapShape;

@@ -2,10 +2,10 @@
 //!
 //! The program, Python, the ROS 2 node and maps of streams call [`run()`]; [`localize()`] is the same without association.
 
-mod check;
 mod input;
 mod options;
 mod pairs;
+mod check;
 mod rows;
 mod sources;
 #[cfg(test)]

@@ -2,16 +2,16 @@
 //!
 //! A [`Scene`] is built with [`SceneBuilder`]; solvers therefore never see an unknown id, an empty box or a NaN.
 
-mod builder;
 mod cues;
 mod error;
-mod hidden;
-mod outlines;
-mod parts;
 mod points;
+mod parts;
+mod hidden;
 mod skipped;
 mod sources;
 mod views;
+mod outlines;
+mod builder;
 
 pub use builder::{DetectionInput, SceneBuilder};
 pub use cues::{Box3dCue, Box3dSd, CueError, Cues, DepthCue};

@@ -1,23 +1,23 @@
 //! The method: from the views of one object to its body.
 
-mod closed_form;
-pub(crate) mod conditioning;
 mod cue_scale;
-mod enclosing;
 mod estimate;
-mod estimator;
-mod learnt_size;
-pub(crate) mod map;
-mod options;
-pub(crate) mod plausible;
 mod pose_points_report;
 mod prediction;
 mod refined_pose;
-mod report;
 mod sigmas;
+mod options;
+mod learnt_size;
+pub(crate) mod plausible;
 mod streaming_qr;
 mod triangulate;
+pub(crate) mod conditioning;
+mod enclosing;
+mod report;
+mod closed_form;
+pub(crate) mod map;
 mod validate;
+mod estimator;
 
 pub use closed_form::lfd::{ConditionedSolution, lfd, lfd_from};
 pub use closed_form::pfd::{ClosedFormError, PfdSolution, pfd};

@@ -4,21 +4,22 @@
 //! its center, and every object is seen by every camera. Other trajectories, and a [`Detector`] with misses and false
 //! positives, make realistic scenes. The world's z axis points up.
 
-mod cameras;
-mod categories;
 mod cues;
-mod detections;
-mod detector;
 mod hall;
+mod options;
+mod cameras;
+mod detector;
 mod noise;
 mod objects;
-mod options;
 mod points;
 mod scene;
+mod categories;
 mod shapes;
+mod tracks;
+mod detections;
+
 #[cfg(test)]
 mod tests;
-mod tracks;
 
 pub use categories::{CategoryOptions, CategorySizes, generate_categories};
 pub use cues::{Box3dNoise, CueOptions, DepthNoise, simulate_cues};

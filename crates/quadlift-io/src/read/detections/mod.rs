@@ -4,28 +4,27 @@
 //! [`add_detections`] matches the images to the frames of a scene and adds the detections in the convention of the
 //! scene file. Track ids become object ids (`t7` for the number 7); classes become categories by name.
 
-mod add;
-mod boxer;
-mod coco;
-mod csv;
-mod cvat;
 mod files;
+mod coco;
 mod kitti_labels;
-mod label_studio;
-mod label_studio_brush;
 mod label_studio_links;
-mod labelme;
-mod mot;
 mod names;
 mod original_names;
 mod shapes;
-mod supervision;
+mod cvat;
+mod label_studio_brush;
+mod label_studio;
+mod labelme;
 mod table;
+mod csv;
+mod boxer;
+mod supervision;
 mod voc;
-pub(crate) mod yolo;
 mod yolo_columns;
-
+pub(crate) mod yolo;
+mod mot;
 mod matching;
+mod add;
 
 #[cfg(test)]
 mod tests;

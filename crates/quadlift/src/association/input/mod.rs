@@ -3,9 +3,9 @@
 
 pub(crate) mod box_observation;
 pub(crate) mod clutter;
-pub(crate) mod context;
-pub(crate) mod frame_order;
 pub(crate) mod observations;
 pub(crate) mod point_tree;
+pub(crate) mod frame_order;
 pub(crate) mod preselect;
 pub(crate) mod sizes;
+pub(crate) mod context;

@@ -1,11 +1,11 @@
 //! The search for the best division of the boxes into objects.
 
-pub(crate) mod assignment;
 pub(crate) mod births;
 pub(crate) mod candidates;
-pub(crate) mod em;
+pub(crate) mod assignment;
 pub(crate) mod frame_shift;
 pub(crate) mod growth;
 pub(crate) mod merge;
-pub(crate) mod passes;
 pub(crate) mod state;
+pub(crate) mod em;
+pub(crate) mod passes;

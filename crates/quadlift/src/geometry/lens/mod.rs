@@ -2,8 +2,8 @@
 //! the pixel in which an ideal pinhole camera with the same axes, focal lengths and principal point would see the same
 //! point. The solvers see nothing but pinhole cameras.
 
-mod camera;
 mod distortion;
+mod camera;
 mod measurements;
 
 #[cfg(test)]

@@ -1,11 +1,11 @@
 //! The closed forms and the paper's regularized estimator as estimators of one object: status, residuals, warnings.
 
+pub(crate) mod singular;
 pub(crate) mod arrowhead;
-pub(crate) mod lfd;
 pub(crate) mod pfd;
+pub(crate) mod lfd;
 pub mod planes;
 pub(crate) mod reg;
-pub(crate) mod singular;
 
 use self::lfd::lfd;
 use self::pfd::{ClosedFormError, pfd};

@@ -8,12 +8,12 @@
 //! Rounds ([`scene::scene_fit`]): fit every object from its starts with default noise levels; search for outliers if the residuals
 //! suggest some ([`object::outliers`]); then alternate between new noise levels and refits until the levels converge.
 
-mod context;
 mod noise;
-pub(crate) mod object;
 mod residuals;
-mod scene;
 pub(super) mod shared;
+mod context;
+pub(crate) mod object;
+mod scene;
 
 pub(crate) use self::context::MapContext;
 use self::scene::body_selection::BodyKinds;

@@ -2,9 +2,10 @@
 
 pub(crate) mod common_errors;
 pub(crate) mod groups;
-pub(crate) mod levels;
 pub(crate) mod object_spread;
 pub(crate) mod statistics;
+pub(crate) mod usual_level;
+pub(crate) mod levels;
+
 #[cfg(test)]
 mod test_rows;
-pub(crate) mod usual_level;

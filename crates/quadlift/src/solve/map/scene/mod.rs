@@ -4,8 +4,9 @@
 pub(crate) mod body_evidence;
 pub(crate) mod body_selection;
 pub(crate) mod learnt_sizes;
-pub(crate) mod scene_fit;
 mod scene_scales;
+pub(crate) mod upright;
+pub(crate) mod scene_fit;
+
 #[cfg(test)]
 mod scenes_of_tests;
-pub(crate) mod upright;

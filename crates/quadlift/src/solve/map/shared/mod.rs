@@ -1,20 +1,20 @@
 //! Unknowns shared by the objects of a scene besides the noise: the ground plane, corrections of poses, the scales of the sources of cues,
 //! sizes of categories.
 
-pub(crate) mod cue_scales;
 mod envelope;
-pub(crate) mod found_scales;
 pub(crate) mod ground;
-mod point_check;
-mod point_tracks;
-pub(crate) mod pose_evidence;
-pub(crate) mod pose_points;
-pub(crate) mod pose_prior;
-mod pose_system;
 pub(crate) mod pose_terms;
 pub(crate) mod pose_unknowns;
+mod point_tracks;
+pub(crate) mod pose_prior;
+mod pose_system;
+pub(crate) mod pose_evidence;
 pub(crate) mod poses;
+pub(crate) mod pose_points;
+mod point_check;
 mod scale_system;
+pub(crate) mod cue_scales;
+pub(crate) mod found_scales;
 pub(crate) mod size_model;
 
 use self::cue_scales::CueScales;
