@@ -19,10 +19,10 @@ use quadlift_io::{EntryError, ReadError};
 use quadlift_segment::{ConvexHull, PixelTerm, Polygons, Rle};
 
 /// A target: what it does with its input; true where it was read.
-pub type Target = fn(&[u8]) -> bool;
+pub(crate) type Target = fn(&[u8]) -> bool;
 
 /// Every target under the name of its folder in `fuzz/seeds`.
-pub const TARGETS: &[(&str, Target)] = &[
+pub(crate) const TARGETS: &[(&str, Target)] = &[
     ("formats", formats),
     ("live", live),
     ("localize", localize),
@@ -102,7 +102,7 @@ fn small_scene() -> SceneFile {
 }
 
 /// An example of a format: the words behind `quadlift import`, and files.
-pub struct Example {
+pub(crate) struct Example {
     /// The name of the format, a path, and options with their values.
     pub words: Vec<String>,
     /// Paths and contents.
@@ -111,7 +111,7 @@ pub struct Example {
 
 impl Example {
     /// The example as the input of the target [`formats`].
-    pub fn to_bytes(&self) -> Vec<u8> {
+    pub(crate) fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = format!("{}\n", self.words.join(" ")).into_bytes();
         for (path, content) in &self.files {
             bytes.extend([FILE, path.as_bytes(), b"\n", content].concat());
@@ -120,7 +120,7 @@ impl Example {
     }
 
     /// The example in an input; `None` where the first line or a path is none.
-    pub fn of(data: &[u8]) -> Option<Self> {
+    pub(crate) fn of(data: &[u8]) -> Option<Self> {
         let end_of_line = |data: &[u8]| data.iter().position(|&byte| byte == b'\n');
         let text = |data: &[u8]| std::str::from_utf8(data).ok().map(str::to_owned);
         let (head, mut rest) = data.split_at(end_of_line(data)? + 1);
@@ -138,7 +138,7 @@ impl Example {
     }
 
     /// Writes the files into a folder.
-    pub fn write(&self, folder: &Path) -> std::io::Result<()> {
+    pub(crate) fn write(&self, folder: &Path) -> std::io::Result<()> {
         for (path, content) in &self.files {
             let path = folder.join(path);
             std::fs::create_dir_all(path.parent().unwrap())?;
@@ -148,7 +148,7 @@ impl Example {
     }
 
     /// The options among the words; paths are those of files in a folder.
-    pub fn options(&self, folder: &Path) -> Result<ReadOptions, String> {
+    pub(crate) fn options(&self, folder: &Path) -> Result<ReadOptions, String> {
         let mut options = ReadOptions::default();
         let mut words = self.words[2..].iter();
         while let Some(word) = words.next() {

@@ -30,7 +30,7 @@ fn rows() -> Vec<MethodRow> {
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::Localize`].
-pub fn run(data: &Path, run: &Run) -> Result<Report, Error> {
+pub(crate) fn run(data: &Path, run: &Run) -> Result<Report, Error> {
     let scenes: Vec<TrueScene> = ACCV_SEQUENCES
         .iter()
         .map(|name| TrueScene::read(data, &format!("accv_{name}"), name))

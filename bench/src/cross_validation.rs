@@ -152,7 +152,7 @@ fn pairs(set: &Set, scene: &TrueScene, source: &str, views: Option<usize>) -> Re
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::Localize`].
-pub fn run(data: &Path, run: &Run) -> Result<Report, Error> {
+pub(crate) fn run(data: &Path, run: &Run) -> Result<Report, Error> {
     let sets = sets(data, run.seed)?;
     let runs: usize = sets.iter().map(|set| set.scenes.len() * set.sources.len()).sum();
     let steps = Steps::new("cross-validation", runs * VIEWS.len(), run.progress);

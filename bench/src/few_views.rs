@@ -73,7 +73,7 @@ fn figures(views: usize, noise: f64, run: &Run) -> Result<Vec<Option<Figure>>, E
 ///
 /// # Errors
 /// [`Error::Synthetic`], [`Error::Localize`].
-pub fn run(run: &Run) -> Result<Report, Error> {
+pub(crate) fn run(run: &Run) -> Result<Report, Error> {
     let steps = Steps::new("few-views", VIEWS.len() * NOISE.len(), run.progress);
     let mut report = Report::new("few-views", "Few views: the default, its level given, and a closed form");
     report.text(format!(

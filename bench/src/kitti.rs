@@ -130,7 +130,7 @@ fn scenes(data: &Path, poses: &str) -> Result<Vec<TrueScene>, Error> {
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::Localize`].
-pub fn run(data: &Path, run: &Run) -> Result<Report, Error> {
+pub(crate) fn run(data: &Path, run: &Run) -> Result<Report, Error> {
     let (rows, ablations, grid) = (rows(), ablations(), grid());
     let grid = run.first(&grid, 2);
     let scenes_of = POSES.map(|(poses, _)| scenes(data, poses));

@@ -102,7 +102,7 @@ type SequenceScores = Vec<Vec<Vec<ObjectScore>>>;
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::Localize`].
-pub fn run(data: &Path, run: &Run) -> Result<Report, Error> {
+pub(crate) fn run(data: &Path, run: &Run) -> Result<Report, Error> {
     let sets = data_sets(data)?;
     let scenes: usize = sets.iter().map(|set| set.scenes.len()).sum();
     let steps = Steps::new("minimal", 2 * scenes, run.progress);

@@ -73,7 +73,7 @@ fn points(
 ///
 /// # Errors
 /// [`Error::Synthetic`], [`Error::Localize`].
-pub fn run(run: &Run) -> Result<Report, Error> {
+pub(crate) fn run(run: &Run) -> Result<Report, Error> {
     let rows = rows();
     let count = run.either(SCENES, 2);
     let first = run.seed.wrapping_mul(SCENES);

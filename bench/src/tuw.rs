@@ -29,7 +29,7 @@ fn rows() -> Vec<MethodRow> {
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::Localize`].
-pub fn run(data: &Path, run: &Run) -> Result<Report, Error> {
+pub(crate) fn run(data: &Path, run: &Run) -> Result<Report, Error> {
     let scenes = [TrueScene::read(data, "tuw_demo", DEMO)?];
     let rows = rows();
     let steps = Steps::new("tuw", rows.len(), run.progress);

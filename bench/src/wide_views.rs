@@ -14,7 +14,7 @@ const TOLERANCE: f64 = 5.0;
 
 /// The selection of views.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Choice {
+pub(crate) enum Choice {
     /// Views whose directions differ by 45 +- 5 degrees; of three views the first and the second, and the second and
     /// the third, while the first and the third differ by 40 degrees at least. If there are none, the closest ones.
     Around45Degrees,
@@ -24,7 +24,7 @@ pub enum Choice {
 
 /// Draws up to `draws` different sets of `count` views (2 or 3) from the viewing directions of one object; indices
 /// ascend within a set. Empty if there are fewer views.
-pub fn draw_views(
+pub(crate) fn draw_views(
     directions: &[Vector3<f64>],
     count: usize,
     choice: Choice,

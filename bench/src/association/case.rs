@@ -18,7 +18,7 @@ pub(crate) const FEWEST_VIEWS: usize = 3;
 
 /// A scene as input of association, with its ground truth. It contains only the selected detections.
 #[derive(Debug, Clone)]
-pub struct Case {
+pub(crate) struct Case {
     /// The scene; ids of its detections are what association may look at.
     pub scene: Scene,
     /// For each detection, the index of the object in `bodies` that it shows; absent where it shows none of them.
@@ -29,7 +29,7 @@ pub struct Case {
 
 /// The scores of an association.
 #[derive(Debug, Clone, Copy)]
-pub struct CaseScore {
+pub(crate) struct CaseScore {
     /// The detections.
     pub division: DivisionScore,
     /// The objects, with the bodies that association itself fits.
@@ -48,7 +48,7 @@ pub struct CaseScore {
 
 /// Objects, and how many of them are marked as doubtful.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Marked {
+pub(crate) struct Marked {
     /// Number of objects.
     pub objects: usize,
     /// Number of doubtful ones.
@@ -57,19 +57,19 @@ pub struct Marked {
 
 impl Marked {
     /// Share that is marked.
-    pub fn share(self) -> Option<f64> {
+    pub(crate) fn share(self) -> Option<f64> {
         (self.objects > 0).then(|| self.doubtful as f64 / self.objects as f64)
     }
 
     /// Both together.
-    pub fn and(self, other: Self) -> Self {
+    pub(crate) fn and(self, other: Self) -> Self {
         Self { objects: self.objects + other.objects, doubtful: self.doubtful + other.doubtful }
     }
 }
 
 /// The association of a case.
 #[derive(Debug, Clone, Copy)]
-pub struct Division {
+pub(crate) struct Division {
     /// The detections.
     pub score: DivisionScore,
     /// Objects at least half of whose detections show true ones.
@@ -83,7 +83,7 @@ impl Case {
     ///
     /// # Errors
     /// [`Error::Associate`] if the options do not fit the scene.
-    pub fn division(&self, options: &AssociateOptions) -> Result<Division, Error> {
+    pub(crate) fn division(&self, options: &AssociateOptions) -> Result<Division, Error> {
         let association = associate(&self.scene, options)?;
         let (standing, false_objects) = self.marked(&association);
         let score = pairwise_clustering_scores(&self.true_objects, &association.object_of_detection);
@@ -94,7 +94,7 @@ impl Case {
     ///
     /// # Errors
     /// [`Error::Associate`], [`Error::Localize`] when options do not fit the scene.
-    pub fn score(&self, options: &AssociateOptions) -> Result<CaseScore, Error> {
+    pub(crate) fn score(&self, options: &AssociateOptions) -> Result<CaseScore, Error> {
         let association = associate(&self.scene, options)?;
         let (standing, false_objects) = self.marked(&association);
         let bodies: Vec<Option<Ellipsoid>> = association.objects.iter().map(|object| object.ellipsoid).collect();
@@ -120,7 +120,7 @@ impl Case {
     }
 
     /// The true objects that are detected often enough.
-    pub fn detected_bodies(&self) -> Vec<Ellipsoid> {
+    pub(crate) fn detected_bodies(&self) -> Vec<Ellipsoid> {
         let mut views = vec![0; self.bodies.len()];
         self.true_objects.iter().flatten().for_each(|&object| views[object as usize] += 1);
         let often = self.bodies.iter().zip(&views).filter(|(_, views)| **views >= FEWEST_VIEWS);

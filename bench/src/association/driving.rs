@@ -138,12 +138,12 @@ fn labels_of(detections: &[DetectionRecord], labels: &[DetectionRecord]) -> Vec<
 ///
 /// # Errors
 /// [`Error::Read`].
-pub fn cases(data: &Path) -> Result<Vec<Case>, Error> {
+pub(crate) fn cases(data: &Path) -> Result<Vec<Case>, Error> {
     SEQUENCES.par_iter().map(|(name, ..)| case(data, name)).collect()
 }
 
 /// Number of steps.
-pub fn steps() -> usize {
+pub(crate) fn steps() -> usize {
     SEQUENCES.len()
 }
 
@@ -151,7 +151,7 @@ pub fn steps() -> usize {
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::Associate`], [`Error::Localize`].
-pub fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(), Error> {
+pub(crate) fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(), Error> {
     let options = AssociateOptions { ids: IdUse::Ignore, ..Default::default() };
     let score = |(name, ..): &(&str, &str, f64, [f64; 3])| {
         let case = case(data, name)?;

@@ -57,7 +57,7 @@ fn cases(make: &SyntheticOptions, run: &Run) -> Result<Vec<Case>, Error> {
 }
 
 /// Number of steps.
-pub fn steps(with_real_data: bool) -> usize {
+pub(super) fn steps(with_real_data: bool) -> usize {
     rows().len() * if with_real_data { 2 } else { 1 }
 }
 
@@ -65,7 +65,7 @@ pub fn steps(with_real_data: bool) -> usize {
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::Synthetic`], [`Error::Associate`].
-pub fn add(data: Option<&Path>, report: &mut Report, run: &Run, steps: &Steps) -> Result<(), Error> {
+pub(super) fn add(data: Option<&Path>, report: &mut Report, run: &Run, steps: &Steps) -> Result<(), Error> {
     let conditions = synthetic::with_parts_to_do();
     let columns = ["part"].into_iter().chain(conditions.iter().map(|(name, _)| *name));
     let driving = ["KITTI tracking", "false objects", "doubtful ones", "doubtful true ones, %"];

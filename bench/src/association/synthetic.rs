@@ -20,7 +20,7 @@ const BASE: &str = "association_base";
 const SEEDS: u64 = 3;
 
 /// A condition: its difference from the base, and the figures of the prototype (on its own scenes).
-pub struct Condition {
+pub(crate) struct Condition {
     name: &'static str,
     make: SyntheticOptions,
     prototype: Option<f64>,
@@ -57,7 +57,7 @@ fn hard() -> SyntheticOptions {
 
 impl Condition {
     /// Its name.
-    pub fn name(&self) -> &'static str {
+    pub(crate) fn name(&self) -> &'static str {
         self.name
     }
 
@@ -65,13 +65,13 @@ impl Condition {
     ///
     /// # Errors
     /// [`Error::Synthetic`].
-    pub fn case(&self, seed: u64) -> Result<Case, Error> {
+    pub(crate) fn case(&self, seed: u64) -> Result<Case, Error> {
         case(&SyntheticOptions { seed, ..self.make.clone() })
     }
 }
 
 /// All conditions.
-pub fn conditions() -> Vec<Condition> {
+pub(crate) fn conditions() -> Vec<Condition> {
     let condition = |name, make, prototype: f64| Condition { name, make, prototype: Some(prototype), aim: None };
     let random = SyntheticOptions { cube_side: 60.0, views: 60, trajectory: Trajectory::Random, ..base() };
     let hidden = SyntheticOptions {
@@ -114,7 +114,7 @@ pub fn conditions() -> Vec<Condition> {
 }
 
 /// Conditions that are not solved at once, with a name for a column.
-pub fn with_parts_to_do() -> [(&'static str, SyntheticOptions); 5] {
+pub(crate) fn with_parts_to_do() -> [(&'static str, SyntheticOptions); 5] {
     [
         ("hard", hard()),
         ("20 % duplicates", with_detector(|d| d.duplicates = 0.2)),
@@ -161,7 +161,7 @@ fn number(x: Option<f64>) -> Cell {
 ///
 /// # Errors
 /// [`Error::Synthetic`].
-pub fn case(make: &SyntheticOptions) -> Result<Case, Error> {
+pub(crate) fn case(make: &SyntheticOptions) -> Result<Case, Error> {
     let synthetic = generate(make)?;
     Ok(Case {
         scene: synthetic.scene,
@@ -181,7 +181,7 @@ fn scores(make: &SyntheticOptions, ids: IdUse, run: &Run, steps: &Steps) -> Resu
 }
 
 /// Number of steps.
-pub fn steps(run: &Run) -> usize {
+pub(crate) fn steps(run: &Run) -> usize {
     run.scenes(SEEDS) as usize * (conditions().len() + id_rows().len())
 }
 
@@ -189,7 +189,7 @@ pub fn steps(run: &Run) -> usize {
 ///
 /// # Errors
 /// [`Error::Synthetic`], [`Error::Associate`], [`Error::Localize`].
-pub fn add(report: &mut Report, run: &Run, steps: &Steps) -> Result<(), Error> {
+pub(crate) fn add(report: &mut Report, run: &Run, steps: &Steps) -> Result<(), Error> {
     let columns =
         ["condition", "F1, prototype", "aim", "F1", "lowest F1", "objects P", "objects R", "O3D", "O3D, true ids"];
     let mut table = Table::new(format!("Synthetic scenes without ids, {} of each", run.scenes(SEEDS)), columns);

@@ -87,13 +87,13 @@ impl Row {
 ///
 /// # Errors
 /// [`Error::Read`].
-pub fn cases(data: &Path) -> Result<Vec<(String, Case)>, Error> {
+pub(crate) fn cases(data: &Path) -> Result<Vec<(String, Case)>, Error> {
     let named = |row: &Row| Ok((format!("{}, {}", row.file, row.source), row.case(data)?));
     rows().iter().filter(|row| !row.categories).map(named).collect()
 }
 
 /// Number of steps.
-pub fn steps() -> usize {
+pub(crate) fn steps() -> usize {
     rows().len()
 }
 
@@ -101,7 +101,7 @@ pub fn steps() -> usize {
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::Associate`], [`Error::Localize`].
-pub fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(), Error> {
+pub(crate) fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(), Error> {
     let rows = rows();
     let score = |row: &Row| {
         let case = row.case(data)?;

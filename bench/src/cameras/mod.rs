@@ -24,7 +24,7 @@ use crate::report::Report;
 ///
 /// # Errors
 /// [`Error`]: a file that is wrong.
-pub fn run(data: Option<&Path>, run: &Run) -> Result<Report, Error> {
+pub(crate) fn run(data: Option<&Path>, run: &Run) -> Result<Report, Error> {
     let mut report = Report::new("cameras", "Cameras from objects");
     rooms::run(run, &mut report)?;
     alignment::run(run, &mut report)?;

@@ -24,7 +24,7 @@ use crate::report::Report;
 ///
 /// # Errors
 /// [`Error`]: a file that is wrong.
-pub fn run(data: Option<&Path>, run: &Run) -> Result<Report, Error> {
+pub(crate) fn run(data: Option<&Path>, run: &Run) -> Result<Report, Error> {
     let mut report = Report::new("cues", "Depths and 3D boxes beside boxes");
     synthetic::run(run, &mut report)?;
     one_view::run(run, &mut report)?;

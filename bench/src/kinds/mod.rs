@@ -73,7 +73,7 @@ fn rows() -> Vec<(&'static str, Row)> {
 ///
 /// # Errors
 /// [`Error::Synthetic`], [`Error::Localize`].
-pub fn run(run: &Run) -> Result<Report, Error> {
+pub(crate) fn run(run: &Run) -> Result<Report, Error> {
     let rows = rows();
     let steps = Steps::new("kinds", SETS.len() * rows.len() + wrong_boxes::STEPS, run.progress);
     let mut report = Report::new("kinds", "Bodies of several kinds (ours)");

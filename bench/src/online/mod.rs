@@ -17,7 +17,7 @@ use crate::report::Report;
 ///
 /// # Errors
 /// [`Error::NoData`], [`Error::Read`], [`Error::Synthetic`], [`Error::Associate`], [`Error::Localize`].
-pub fn run(data: Option<&Path>, run: &Run) -> Result<Report, Error> {
+pub(crate) fn run(data: Option<&Path>, run: &Run) -> Result<Report, Error> {
     let folder = match data_folder(data) {
         Ok(folder) => Some(folder),
         Err(error) if data.is_some() => return Err(error),

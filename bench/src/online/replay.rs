@@ -7,7 +7,7 @@ use quadlift::scene::Scene;
 
 /// The detections of a scene with their objects, as the updates of a map tell.
 #[derive(Debug, Default)]
-pub struct Labels {
+pub(super) struct Labels {
     /// For each detection of the scene, the object that it was last said to be of.
     objects: Vec<Option<ObjectId>>,
     /// Detections by frame id and place in the frame.
@@ -19,7 +19,7 @@ pub struct Labels {
 }
 
 /// The detections of each frame of a scene that have a box, in their order.
-pub fn by_frame(scene: &Scene) -> Vec<Vec<usize>> {
+pub(super) fn by_frame(scene: &Scene) -> Vec<Vec<usize>> {
     let mut detections = vec![Vec::new(); scene.frames.len()];
     for (index, detection) in scene.detections.iter().enumerate() {
         if detection.bounding_box.is_some() {
@@ -30,7 +30,7 @@ pub fn by_frame(scene: &Scene) -> Vec<Vec<usize>> {
 }
 
 /// A detection of a scene as a map observes it; `None` without a box.
-pub fn observed(scene: &Scene, index: usize) -> Option<Detection<'_>> {
+pub(super) fn observed(scene: &Scene, index: usize) -> Option<Detection<'_>> {
     let detection = &scene.detections[index];
     Some(Detection {
         category: detection.category_index.map(|c| scene.categories[c as usize].as_str()),
@@ -44,12 +44,12 @@ pub fn observed(scene: &Scene, index: usize) -> Option<Detection<'_>> {
 
 impl Labels {
     /// Before anything is observed of a scene.
-    pub fn new(scene: &Scene) -> Self {
+    pub(super) fn new(scene: &Scene) -> Self {
         Self { objects: vec![None; scene.detections.len()], ..Default::default() }
     }
 
     /// Takes in what a frame has changed; `detections` are those of the frame in the scene.
-    pub fn apply(&mut self, frame: &str, detections: &[usize], update: &FrameUpdate) {
+    pub(super) fn apply(&mut self, frame: &str, detections: &[usize], update: &FrameUpdate) {
         for (place, (&detection, object)) in detections.iter().zip(&update.objects).enumerate() {
             self.places.insert((frame.to_owned(), place), detection);
             self.objects[detection] = *object;
@@ -78,7 +78,7 @@ impl Labels {
 
     /// For each detection the number of its object among those of the map; `None` for clutter and for objects that the map is
     /// not certain of.
-    pub fn division(&self, map: &ObjectMap) -> Vec<Option<u32>> {
+    pub(super) fn division(&self, map: &ObjectMap) -> Vec<Option<u32>> {
         let place: HashMap<ObjectId, u32> = map.objects().map(|o| o.id).zip(0..).collect();
         let resolve = |mut id: ObjectId| {
             while let Some(&older) = self.aliases.get(&id) {
@@ -91,7 +91,7 @@ impl Labels {
 }
 
 /// Observes all frames of a scene in their order; `after` is called after each with the number of frames so far.
-pub fn replay(map: &mut ObjectMap, scene: &Scene, mut after: impl FnMut(usize, &ObjectMap, &Labels)) -> Labels {
+pub(super) fn replay(map: &mut ObjectMap, scene: &Scene, mut after: impl FnMut(usize, &ObjectMap, &Labels)) -> Labels {
     let mut labels = Labels::new(scene);
     for (index, (frame, indices)) in scene.frames.iter().zip(by_frame(scene)).enumerate() {
         let detections: Vec<Detection> = indices.iter().filter_map(|&d| observed(scene, d)).collect();

@@ -12,7 +12,7 @@ const ROUND: f64 = 1.2;
 
 /// Errors of one view.
 #[derive(Debug, Clone, Copy)]
-pub struct ViewErrors {
+pub(super) struct ViewErrors {
     mask_iou: f64,
     ellipse_iou: f64,
     /// Angle between the long axes in degrees; none for round objects.
@@ -26,7 +26,7 @@ pub struct ViewErrors {
 
 impl ViewErrors {
     /// The errors of a view; none where the true mask has no ellipse.
-    pub fn of(view: &ViewSegmentation, truth: &Mask) -> Option<Self> {
+    pub(super) fn of(view: &ViewSegmentation, truth: &Mask) -> Option<Self> {
         let true_ellipse: Ellipse = Moments::of_mask(truth, PixelTerm::Centers)?.ellipse()?;
         let (axes, found) = (true_ellipse.semi_axes(), view.ellipse.semi_axes());
         let turn = (long_axis(&view.ellipse) - long_axis(&true_ellipse)).rem_euclid(std::f64::consts::PI);
@@ -49,21 +49,21 @@ fn long_axis(ellipse: &Ellipse) -> f64 {
 }
 
 /// Columns of the table of masks, after method and setting.
-pub const COLUMNS: [&str; 8] =
+pub(super) const COLUMNS: [&str; 8] =
     ["mask IoU", "ellipse IoU", "median", "angle [deg]", "center", "log area", "IoU < 0.5", "fell back"];
 
 /// The mean IoU of the ellipses: over the views of each sequence, then over the sequences.
-pub fn mean_ellipse_iou(sequences: &[Vec<ViewErrors>]) -> Option<Figure> {
+pub(super) fn mean_ellipse_iou(sequences: &[Vec<ViewErrors>]) -> Option<Figure> {
     over_sequences(sequences, |view| view.ellipse_iou)
 }
 
 /// The mean error of the angle over all views, degrees.
-pub fn mean_angle(sequences: &[Vec<ViewErrors>]) -> Option<f64> {
+pub(super) fn mean_angle(sequences: &[Vec<ViewErrors>]) -> Option<f64> {
     mean(&sequences.iter().flatten().filter_map(|view| view.angle).collect::<Vec<_>>())
 }
 
 /// The cells of a row: means over sequences, except the median and the angle, which are over views.
-pub fn cells(sequences: &[Vec<ViewErrors>]) -> Vec<Cell> {
+pub(super) fn cells(sequences: &[Vec<ViewErrors>]) -> Vec<Cell> {
     let figure = |f: fn(&ViewErrors) -> f64, decimals| match over_sequences(sequences, f) {
         Some(figure) => Cell::number(figure.value, decimals),
         None => Cell::Empty,

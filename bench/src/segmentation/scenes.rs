@@ -29,7 +29,7 @@ const BOX_NOISE: f64 = 0.1;
 
 /// A detection in its image.
 #[derive(Debug, Clone)]
-pub struct Seen {
+pub(super) struct Seen {
     /// Index of the detection in the scene.
     pub detection: usize,
     /// Its crop.
@@ -42,7 +42,7 @@ pub struct Seen {
 
 /// A scene whose images have been looked at.
 #[derive(Debug, Clone)]
-pub struct ImageScene {
+pub(super) struct ImageScene {
     /// The scene and its true objects; nothing but boxes is detected.
     pub scene: TrueScene,
     /// The detections of each object in the order of the frames.
@@ -54,7 +54,7 @@ impl ImageScene {
     ///
     /// # Errors
     /// [`Error::Read`] if the scene, an image or a mask cannot be read.
-    pub fn read(data: &Path, file: &str, source: &str) -> Result<Self, Error> {
+    pub(super) fn read(data: &Path, file: &str, source: &str) -> Result<Self, Error> {
         let path = data.join("scenes").join(format!("{file}.json"));
         let mut content = read_scene_file(&path)?;
         content.detections.retain(|detection| detection.source.as_deref() == Some(source));
@@ -86,7 +86,7 @@ impl ImageScene {
     ///
     /// # Errors
     /// [`Error::Synthetic`], [`Error::Crop`].
-    pub fn rendered(seed: u64) -> Result<Self, Error> {
+    pub(super) fn rendered(seed: u64) -> Result<Self, Error> {
         let RenderedScene { synthetic, images, labels, values, visible_fractions, .. } =
             render(&RenderOptions { seed, box_noise: BOX_NOISE, ..Default::default() })?;
         let truth = synthetic.truth.iter().map(|(id, body)| TruthObject {
@@ -121,13 +121,13 @@ impl ImageScene {
     }
 
     /// Number of scored views of each object that has enough of them.
-    pub fn scored_counts(&self) -> impl Iterator<Item = usize> {
+    pub(super) fn scored_counts(&self) -> impl Iterator<Item = usize> {
         let counts = self.objects.iter().map(|views| views.iter().filter(|seen| seen.counts).count());
         counts.filter(|&count| count >= FEWEST_VIEWS)
     }
 
     /// The same with the views only whose masks are scored.
-    pub fn scored_views(&self) -> Self {
+    pub(super) fn scored_views(&self) -> Self {
         let scored = |views: &Vec<Seen>| views.iter().filter(|seen| seen.counts).cloned().collect();
         Self { scene: self.scene.clone(), objects: self.objects.iter().map(scored).collect() }
     }
@@ -136,7 +136,7 @@ impl ImageScene {
     ///
     /// # Errors
     /// [`Error::Segment`] when an option is out of its range.
-    pub fn segment(&self, options: &SegmentOptions) -> Result<Vec<Vec<ViewSegmentation>>, Error> {
+    pub(super) fn segment(&self, options: &SegmentOptions) -> Result<Vec<Vec<ViewSegmentation>>, Error> {
         let object = |views: &Vec<Seen>| {
             let crops: Vec<Crop> = views.iter().map(|seen| seen.crop.clone()).collect();
             segment_object(&crops, options)
@@ -145,7 +145,7 @@ impl ImageScene {
     }
 
     /// The errors of what was found, of each object with enough scored views.
-    pub fn errors(&self, found: &[Vec<ViewSegmentation>]) -> Vec<Vec<ViewErrors>> {
+    pub(super) fn errors(&self, found: &[Vec<ViewSegmentation>]) -> Vec<Vec<ViewErrors>> {
         let of_object = |(views, found): (&Vec<Seen>, &Vec<ViewSegmentation>)| {
             let scored = views.iter().zip(found).filter(|(seen, _)| seen.counts);
             scored.filter_map(|(seen, view)| ViewErrors::of(view, &seen.truth)).collect()
@@ -156,7 +156,7 @@ impl ImageScene {
 
     /// The scene with what was found beside the boxes, as `quadlift localize` takes it from what `quadlift segment`
     /// writes: nothing where no mask could be trusted.
-    pub fn with_found(&self, found: &[Vec<ViewSegmentation>]) -> Result<TrueScene, SceneError> {
+    pub(super) fn with_found(&self, found: &[Vec<ViewSegmentation>]) -> Result<TrueScene, SceneError> {
         let masks = found.iter().flatten().map(|view| {
             let trusted = !matches!(view.status, SegmentStatus::FellBack(_));
             trusted.then(|| (view.mask.clone(), view.ellipse))
@@ -165,7 +165,7 @@ impl ImageScene {
     }
 
     /// The scene with the true masks and their ellipses.
-    pub fn with_true_masks(&self) -> Result<TrueScene, SceneError> {
+    pub(super) fn with_true_masks(&self) -> Result<TrueScene, SceneError> {
         let masks = self.objects.iter().flatten().map(|seen| {
             let ellipse = Moments::of_mask(&seen.truth, PixelTerm::Centers)?.ellipse()?;
             Some((seen.truth.clone(), ellipse))

@@ -96,7 +96,7 @@ fn together<'a>(found: impl Iterator<Item = &'a Outcome>, perturbation: usize) -
 ///
 /// # Errors
 /// [`Error`] of a scene that cannot be read, made or localized.
-pub fn run(data: Option<&Path>, run: &Run) -> Result<Report, Error> {
+pub(crate) fn run(data: Option<&Path>, run: &Run) -> Result<Report, Error> {
     let folder = data_folder(data).ok();
     let cases = cases(folder.as_deref(), run.scenes(SCENES), run)?;
     let steps = Steps::new("stability", cases.len(), run.progress);

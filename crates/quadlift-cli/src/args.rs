@@ -5,7 +5,7 @@ use quadlift::solve::BodyKind;
 use quadlift_io::scene_file::Detail;
 
 /// Reads a kind of body.
-pub fn body(text: &str) -> Result<BodyKind, UnknownName> {
+pub(crate) fn body(text: &str) -> Result<BodyKind, UnknownName> {
     text.parse()
 }
 
@@ -28,7 +28,7 @@ impl From<DetailName> for Detail {
 }
 
 /// Reads a number that is neither NaN nor infinite.
-pub fn finite(text: &str) -> Result<f64, String> {
+pub(crate) fn finite(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(x) if x.is_finite() => Ok(x),
         _ => Err("expected a finite number".to_owned()),
@@ -36,12 +36,12 @@ pub fn finite(text: &str) -> Result<f64, String> {
 }
 
 /// Reads a finite number above zero.
-pub fn positive(text: &str) -> Result<f64, String> {
+pub(crate) fn positive(text: &str) -> Result<f64, String> {
     finite(text).ok().filter(|x| *x > 0.0).ok_or_else(|| "expected a number above 0".to_owned())
 }
 
 /// Reads three numbers separated by commas.
-pub fn three_numbers(text: &str) -> Result<[f64; 3], String> {
+pub(crate) fn three_numbers(text: &str) -> Result<[f64; 3], String> {
     let numbers: Result<Vec<f64>, String> = text.split(',').map(finite).collect();
     match numbers?.as_slice() {
         &[x, y, z] => Ok([x, y, z]),

@@ -10,7 +10,7 @@ use crate::output::one_line;
 use crate::words::{count, some_of};
 
 /// The message of `localize` about an association of the detections of a file, whose scene has the objects.
-pub fn localize_in_words(
+pub(crate) fn localize_in_words(
     file: &SceneFile,
     scene: &Scene,
     source: Option<&str>,
@@ -38,13 +38,13 @@ pub fn localize_in_words(
 }
 
 /// The labels of the objects of an association in a scene.
-pub fn labels(scene: &Scene, association: &Association) -> Labels {
+pub(crate) fn labels(scene: &Scene, association: &Association) -> Labels {
     let category = |index: Option<u32>| index.map(|index| scene.categories[index as usize].as_str());
     Labels::new(association.objects.iter().map(|object| (object.id.as_str(), category(object.category_index))))
 }
 
 /// The result, in one sentence.
-pub fn in_words(association: &Association) -> String {
+pub(crate) fn in_words(association: &Association) -> String {
     let members = association.object_of_detection.iter().flatten().count();
     let doubtful = association.objects.iter().filter(|object| object.doubtful.is_some()).count();
     let mut text = format!(

@@ -47,7 +47,7 @@ const CUT: Rgb<u8> = Rgb([255, 150, 0]);
 const GIVEN_UP: Rgb<u8> = Rgb([220, 30, 30]);
 
 /// Writes a contact sheet for each object; detections without an object id share one.
-pub fn write_sheets(segmentation: &Segmentation, scene: &Scene, folder: &Path) -> anyhow::Result<()> {
+pub(crate) fn write_sheets(segmentation: &Segmentation, scene: &Scene, folder: &Path) -> anyhow::Result<()> {
     let frame = |detection: usize| scene.frames[scene.detections[detection].frame_index as usize].id.as_str();
     let ids = segmentation.groups.iter().map(|group| group.object.as_deref().unwrap_or("without_object"));
     for (group, name) in segmentation.groups.iter().zip(FileNames::new(ids).iter()) {

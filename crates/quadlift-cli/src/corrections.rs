@@ -15,7 +15,7 @@ use crate::output::one_line;
 /// Corrections of conventions in the scene, in the form in which the check proposes them.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Corrections of the scene")]
-pub struct Corrections {
+pub(crate) struct Corrections {
     #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',', value_parser = str::parse::<Assumption>, help = keys())]
     assume: Vec<Assumption>,
 
@@ -42,7 +42,7 @@ fn up(text: &str) -> Result<Up, String> {
 
 impl Corrections {
     /// The requested corrections.
-    pub fn list(&self) -> anyhow::Result<Vec<RecordCorrection>> {
+    pub(crate) fn list(&self) -> anyhow::Result<Vec<RecordCorrection>> {
         let mut list = corrections_of(&self.assume)?;
         list.extend(self.up.map(|up| RecordCorrection::Known(Correction::Up(up.0))));
         Ok(list)
@@ -50,13 +50,13 @@ impl Corrections {
 }
 
 /// The corrections of `--assume`.
-pub fn corrections_of(assumptions: &[Assumption]) -> anyhow::Result<Vec<RecordCorrection>> {
+pub(crate) fn corrections_of(assumptions: &[Assumption]) -> anyhow::Result<Vec<RecordCorrection>> {
     Assumption::corrections(assumptions).or_else(|error| usage(format!("--assume: {error}")))
 }
 
 /// What corrections say about detections that are added to a scene.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct DetectionPixels {
+pub(crate) struct DetectionPixels {
     /// Width and height in pixels of the images on which the detector ran.
     pub image_size: Option<[f64; 2]>,
     /// Whether the pictures are turned by 90 degrees, which a correction undoes.
@@ -67,7 +67,7 @@ pub struct DetectionPixels {
 
 impl DetectionPixels {
     /// What is dealt with where detections are added, and the corrections of the scene afterwards.
-    pub fn split(corrections: Vec<RecordCorrection>) -> (Self, Vec<RecordCorrection>) {
+    pub(crate) fn split(corrections: Vec<RecordCorrection>) -> (Self, Vec<RecordCorrection>) {
         let mut found = Self::default();
         let others = corrections.into_iter().filter(|correction| {
             found.turned |= correction.turns_sides();
@@ -84,12 +84,12 @@ impl DetectionPixels {
 }
 
 /// Descriptions of the corrections, one per line.
-pub fn corrected_in_words(notes: &[String]) -> String {
+pub(crate) fn corrected_in_words(notes: &[String]) -> String {
     notes.iter().map(|note| format!("corrected: {}\n", one_line(note))).collect()
 }
 
 /// Reads a scene file, corrects it and checks it.
-pub fn read_input(path: &Path, corrections: &[RecordCorrection]) -> anyhow::Result<FileInput> {
+pub(crate) fn read_input(path: &Path, corrections: &[RecordCorrection]) -> anyhow::Result<FileInput> {
     let file = read_scene_file(path).map_err(|error| with_hint(path, error))?;
     Ok(FileInput::from_file(file, path, corrections)?)
 }

@@ -8,7 +8,7 @@ use crate::error::{InconsistentError, Outcome};
 use crate::output::Output;
 
 /// The error of a scene in which association finds nothing; `skipped` describes skipped detections.
-pub fn nothing_agrees(check: &Check, context: &Context, skipped: &str) -> InconsistentError {
+pub(crate) fn nothing_agrees(check: &Check, context: &Context, skipped: &str) -> InconsistentError {
     let record = DiagnosisRecord::of(check, context);
     let why = record
         .in_words()
@@ -22,7 +22,7 @@ pub fn nothing_agrees(check: &Check, context: &Context, skipped: &str) -> Incons
 
 /// Reports the problem of a scene and returns the outcome of the finished command. `accepted`: the user accepts an
 /// inconsistent scene.
-pub fn tell(check: &Check, context: &Context, accepted: bool, title: &str, out: &Output) -> Outcome {
+pub(crate) fn tell(check: &Check, context: &Context, accepted: bool, title: &str, out: &Output) -> Outcome {
     if let (Some(given), Some(refined)) = (check.before_refinement, check.diagnosis.agreement) {
         out.warning(&format!(
             "{title}: the poses as given contradict the boxes, which miss their object by {:.0} % of their half size; refined poses: {:.0} %",

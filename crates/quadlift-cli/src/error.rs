@@ -7,7 +7,7 @@ use quadlift_io::diagnosis::DiagnosisRecord;
 
 /// The end of a command that could do its work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outcome {
+pub(crate) enum Outcome {
     /// Exit code 0.
     Fine,
     /// Exit code 1: a part failed, and has been reported.
@@ -18,7 +18,7 @@ pub enum Outcome {
 
 impl Outcome {
     /// The outcome of two parts: a failure counts more than a scene that is inconsistent.
-    pub fn and(self, other: Self) -> Self {
+    pub(crate) fn and(self, other: Self) -> Self {
         match (self, other) {
             (Self::SomethingFailed, _) | (_, Self::SomethingFailed) => Self::SomethingFailed,
             (Self::Inconsistent, _) | (_, Self::Inconsistent) => Self::Inconsistent,
@@ -29,7 +29,7 @@ impl Outcome {
 
 /// A scene that is inconsistent, so that nothing can be done with it: exit code 3.
 #[derive(Debug)]
-pub struct InconsistentError {
+pub(crate) struct InconsistentError {
     /// The problem, as text.
     pub text: String,
     /// The diagnosis, for `--json`.
@@ -46,7 +46,7 @@ impl std::error::Error for InconsistentError {}
 
 /// Wrong usage, exit code 2: errors visible from the command line alone.
 #[derive(Debug)]
-pub struct UsageError(pub String);
+pub(crate) struct UsageError(pub String);
 
 impl fmt::Display for UsageError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -57,12 +57,12 @@ impl fmt::Display for UsageError {
 impl std::error::Error for UsageError {}
 
 /// A usage error as a result.
-pub fn usage<T>(text: impl Into<String>) -> anyhow::Result<T> {
+pub(crate) fn usage<T>(text: impl Into<String>) -> anyhow::Result<T> {
     Err(UsageError(text.into()).into())
 }
 
 /// The exit code of an error.
-pub fn exit_code(error: &anyhow::Error) -> u8 {
+pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
     let lacks_option = error.downcast_ref::<ReadError>().is_some_and(|error| error.lacks_option);
     if lacks_option || error.is::<UsageError>() {
         2
@@ -74,6 +74,6 @@ pub fn exit_code(error: &anyhow::Error) -> u8 {
 }
 
 /// An error with its causes, in one line.
-pub fn in_words(error: &anyhow::Error) -> String {
+pub(crate) fn in_words(error: &anyhow::Error) -> String {
     format!("{error:#}")
 }

@@ -19,7 +19,7 @@ use crate::words::{count, some_of, with_unit};
 
 /// The main figures of an estimate.
 #[derive(Debug, Serialize)]
-pub struct Summary<'a> {
+pub(crate) struct Summary<'a> {
     id: &'a str,
     category: Option<&'a str>,
     status: &'static str,
@@ -36,7 +36,7 @@ pub struct Summary<'a> {
 }
 
 /// The main figures of all estimates.
-pub fn summaries<'a>(scene: &'a Scene, localization: &Localization) -> Vec<Summary<'a>> {
+pub(crate) fn summaries<'a>(scene: &'a Scene, localization: &Localization) -> Vec<Summary<'a>> {
     let checked = &localization.cross_validation;
     let of_object = |index| {
         let object = checked.of_estimate(index).filter(|_| checked.extent == Extent::All)?;
@@ -65,7 +65,7 @@ fn full_lengths(body: &Body) -> [f64; 3] {
 }
 
 /// The table and its notes.
-pub fn render(scene: &Scene, localization: &Localization, options: &FileOptions) -> String {
+pub(crate) fn render(scene: &Scene, localization: &Localization, options: &FileOptions) -> String {
     let rows = summaries(scene, localization);
     let labels = Labels::of_estimates(scene, localization);
     let shown = &rows[..rows.len().min(MOST_ROWS)];
@@ -137,7 +137,7 @@ fn agreement(checked: &CrossValidation) -> Option<String> {
 }
 
 /// The noise levels by their names in results and `--sigmas`; `None` if there are none.
-pub fn noise_levels(localization: &Localization) -> Option<String> {
+pub(crate) fn noise_levels(localization: &Localization) -> Option<String> {
     let levels: Vec<String> = localization.noise_levels().map(|(name, x)| format!("{name} {x:.4}")).collect();
     (!levels.is_empty()).then(|| format!("noise levels: {}", levels.join(", ")))
 }
@@ -146,7 +146,7 @@ pub fn noise_levels(localization: &Localization) -> Option<String> {
 const USUAL_SCALES: std::ops::RangeInclusive<f64> = 0.7..=1.4;
 
 /// The scales of the sources of depths and 3D boxes, one line each, and whether one is so far from 1 that a unit may be wrong.
-pub fn cue_scales(scene: &Scene, scales: &[CueScaleRecord]) -> Vec<(String, bool)> {
+pub(crate) fn cue_scales(scene: &Scene, scales: &[CueScaleRecord]) -> Vec<(String, bool)> {
     let scaled_by_frame: Vec<&str> =
         scene.scaled_by_frame.iter().filter_map(|&source| Some(&**scene.cue_sources.get(source as usize)?)).collect();
     let line = |found: &CueScaleRecord| {
@@ -179,7 +179,7 @@ pub fn cue_scales(scene: &Scene, scales: &[CueScaleRecord]) -> Vec<(String, bool
 }
 
 /// The size of a category that was learned from the scene, in one line.
-pub fn learned_size(found: &LearnedSizeRecord) -> String {
+pub(crate) fn learned_size(found: &LearnedSizeRecord) -> String {
     let LearnedSizeRecord { category, body, well_determined, .. } = found;
     let objects = format!("{} ({body})", count(found.objects, "object"));
     let worth = format!("{well_determined:.1} well-determined ones");
@@ -197,7 +197,7 @@ pub fn learned_size(found: &LearnedSizeRecord) -> String {
 }
 
 /// The points from which poses were corrected beside the objects, in one line.
-pub fn pose_points(found: &PosePointsRecord) -> String {
+pub(crate) fn pose_points(found: &PosePointsRecord) -> String {
     let pixels = |error: Option<f64>| error.map_or_else(|| "-".to_owned(), |error| format!("{error:.2} px"));
     format!(
         "poses: {} of {}, {}; median error {} as given, {} now; noise {}",

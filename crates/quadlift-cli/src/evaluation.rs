@@ -35,7 +35,7 @@ impl From<Match> for Matching {
 }
 
 /// The scores for people, with the labels of estimates and true objects; columns that no object has are left out.
-pub fn render(evaluation: &Evaluation, [estimates, truth]: [&Labels; 2], length_unit: Option<&str>) -> String {
+pub(crate) fn render(evaluation: &Evaluation, [estimates, truth]: [&Labels; 2], length_unit: Option<&str>) -> String {
     let columns: Vec<&Column> =
         COLUMNS.iter().filter(|c| evaluation.objects.iter().any(|o| (c.of)(o).is_some())).collect();
     let by_overlap = evaluation.paired_by == PairedBy::Overlap;
@@ -83,7 +83,7 @@ pub fn render(evaluation: &Evaluation, [estimates, truth]: [&Labels; 2], length_
 }
 
 /// The number of found objects, as text.
-pub fn render_found(found: &FoundScore) -> String {
+pub(crate) fn render_found(found: &FoundScore) -> String {
     format!(
         "{HEADING}found{HEADING:#}: {} of {} (IoU of at least {LEAST_IOU}, ignoring ids); {} of {} are correct\n",
         found.matched,
@@ -94,7 +94,7 @@ pub fn render_found(found: &FoundScore) -> String {
 }
 
 /// Why the association was not scored, if this should be reported.
-pub fn why_no_identities(outcome: &DivisionOutcome) -> Option<String> {
+pub(crate) fn why_no_identities(outcome: &DivisionOutcome) -> Option<String> {
     match outcome {
         DivisionOutcome::Absent | DivisionOutcome::Scored(_) => None,
         DivisionOutcome::SeveralSources(why) => Some(format!("{why}: --source SOURCE selects the detections to score")),
@@ -103,7 +103,7 @@ pub fn why_no_identities(outcome: &DivisionOutcome) -> Option<String> {
 }
 
 /// The scores of the association, as text; empty if there are none.
-pub fn render_identities(outcome: &DivisionOutcome) -> String {
+pub(crate) fn render_identities(outcome: &DivisionOutcome) -> String {
     let DivisionOutcome::Scored(Division { score, compared, only_in_estimate, only_in_truth }) = outcome else {
         let note = |why: String| format!("{WARNING}note:{WARNING:#} {}\n", one_line(&why));
         return why_no_identities(outcome).map_or_else(String::new, note);

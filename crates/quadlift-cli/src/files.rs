@@ -13,14 +13,14 @@ use quadlift_io::{ReadError, SceneFile, is_standard_output, read_scene_file};
 use crate::error::{UsageError, usage};
 
 /// Reads a scene file and checks it.
-pub fn read_scene(path: &Path) -> anyhow::Result<(SceneFile, Scene)> {
+pub(crate) fn read_scene(path: &Path) -> anyhow::Result<(SceneFile, Scene)> {
     let file = read_scene_file(path).map_err(|error| with_hint(path, error))?;
     let scene = file.to_scene().map_err(|error| error.in_file(path))?;
     Ok((file, scene))
 }
 
 /// The error, with a hint for paths with cameras or detections of another program.
-pub fn with_hint(path: &Path, mut error: ReadError) -> ReadError {
+pub(crate) fn with_hint(path: &Path, mut error: ReadError) -> ReadError {
     if let Some(hint) = other_format(path) {
         error.problem.push_str(&format!("; {hint}"));
     }
@@ -52,7 +52,7 @@ fn other_format(path: &Path) -> Option<String> {
 
 /// The scene files that the arguments name.
 #[derive(Debug)]
-pub struct Inputs {
+pub(crate) struct Inputs {
     /// The files, in the order of the arguments; those of a folder or pattern are sorted.
     pub paths: Vec<PathBuf>,
     /// Whether there are several, or could have been (a folder, a pattern).
@@ -60,7 +60,7 @@ pub struct Inputs {
 }
 
 /// Expands folders (their `*.json` files) and patterns that the shell has left alone.
-pub fn expand(arguments: &[PathBuf]) -> anyhow::Result<Inputs> {
+pub(crate) fn expand(arguments: &[PathBuf]) -> anyhow::Result<Inputs> {
     let mut inputs = Inputs { paths: Vec::new(), several: arguments.len() > 1 };
     for argument in arguments {
         if argument.is_dir() {
@@ -138,7 +138,7 @@ fn recursive_matches(text: &str, pattern: &Pattern) -> anyhow::Result<Vec<PathBu
 
 /// The results' paths, one per input, checked before anything is computed: the folder exists (of several scenes it is
 /// made), no input is overwritten and no two results have one name.
-pub fn outputs(inputs: &Inputs, output: &Path) -> anyhow::Result<Vec<PathBuf>> {
+pub(crate) fn outputs(inputs: &Inputs, output: &Path) -> anyhow::Result<Vec<PathBuf>> {
     if !inputs.several {
         check_file(output)?;
         if let [input] = inputs.paths.as_slice() {
@@ -176,7 +176,7 @@ pub fn outputs(inputs: &Inputs, output: &Path) -> anyhow::Result<Vec<PathBuf>> {
 
 /// Refuses a name that promises another format than that of scene files, which are JSON. `with_objects`: the result has
 /// objects, which `quadlift export` can write in other formats.
-pub fn check_result_name(output: &Path, with_objects: bool) -> anyhow::Result<()> {
+pub(crate) fn check_result_name(output: &Path, with_objects: bool) -> anyhow::Result<()> {
     let Some(extension) = output.extension().map(|extension| extension.to_string_lossy().to_lowercase()) else {
         return Ok(());
     };
@@ -203,7 +203,7 @@ pub fn check_result_name(output: &Path, with_objects: bool) -> anyhow::Result<()
 }
 
 /// Refuses a file that cannot be written because its folder does not exist or because it is a folder itself.
-pub fn check_file(path: &Path) -> anyhow::Result<()> {
+pub(crate) fn check_file(path: &Path) -> anyhow::Result<()> {
     if path.is_dir() {
         bail!("cannot write {}: it is a folder; expected the name of a file", path.display());
     }
@@ -211,7 +211,7 @@ pub fn check_file(path: &Path) -> anyhow::Result<()> {
 }
 
 /// Makes a folder and those above it.
-pub fn make_folder(path: &Path) -> anyhow::Result<()> {
+pub(crate) fn make_folder(path: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(path).with_context(|| format!("cannot make the folder {}", path.display()))
 }
 
@@ -226,14 +226,14 @@ fn check_parent(path: &Path) -> anyhow::Result<()> {
 
 /// Moves the paths of images, depth images, point clouds and masks of a file that was read from one path and is written to
 /// another one.
-pub fn move_paths(file: &mut SceneFile, from: &Path, to: &Path) -> anyhow::Result<()> {
+pub(crate) fn move_paths(file: &mut SceneFile, from: &Path, to: &Path) -> anyhow::Result<()> {
     let folder = |path: &Path| path.parent().map(Path::to_owned).unwrap_or_default();
     let folders = [folder(from), if is_standard_output(to) { PathBuf::new() } else { folder(to) }];
     Ok(file.move_paths([&folders[0], &folders[1]])?)
 }
 
 /// Refuses an output that is the scene itself.
-pub fn refuse_to_overwrite(input: &Path, output: &Path) -> anyhow::Result<()> {
+pub(crate) fn refuse_to_overwrite(input: &Path, output: &Path) -> anyhow::Result<()> {
     if is_same_file(input, output) {
         return usage(format!("the result would overwrite the scene {}", input.display()));
     }

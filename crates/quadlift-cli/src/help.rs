@@ -36,12 +36,12 @@ Examples:
 quadlift localize --help explains these and further options, and exit codes.";
 
 /// The command line with its help arranged.
-pub fn arrange(command: Command) -> Command {
+pub(crate) fn arrange(command: Command) -> Command {
     wrapped(grouped(command))
 }
 
 /// The command line with options and commands under headings, and short and long texts.
-pub fn grouped(command: Command) -> Command {
+pub(crate) fn grouped(command: Command) -> Command {
     let names: Vec<String> = command.get_subcommands().map(|command| command.get_name().to_owned()).collect();
     let command = names.iter().fold(with_texts(command, ""), |command, name| {
         command.mut_subcommand(name, |sub| {
@@ -274,7 +274,7 @@ fn hanging(line: &str, width: usize) -> String {
 }
 
 /// A text in lines that fit, each behind so many blanks.
-pub fn fill_indented(text: &str, blanks: usize) -> String {
+pub(crate) fn fill_indented(text: &str, blanks: usize) -> String {
     let indent = " ".repeat(blanks);
     fill(text, WIDTH - blanks).lines().map(|line| format!("{indent}{line}")).collect::<Vec<_>>().join("\n")
 }

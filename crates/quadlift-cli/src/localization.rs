@@ -19,7 +19,7 @@ use crate::progress::RunProgress;
 use crate::words::count;
 
 /// Checks the options of a run and reads the priors.
-pub fn file_options(run: quadlift::run::RunOptions, priors: PriorSource) -> anyhow::Result<FileOptions> {
+pub(crate) fn file_options(run: quadlift::run::RunOptions, priors: PriorSource) -> anyhow::Result<FileOptions> {
     if let Err(error) = run.localize.validate() {
         return usage(error.to_string());
     }
@@ -27,7 +27,7 @@ pub fn file_options(run: quadlift::run::RunOptions, priors: PriorSource) -> anyh
 }
 
 /// Where the priors of `--priors` come from.
-pub fn prior_source(name: Option<&Path>) -> PriorSource {
+pub(crate) fn prior_source(name: Option<&Path>) -> PriorSource {
     match name {
         None => PriorSource::None,
         Some(name) if name.as_os_str() == "builtin" => PriorSource::Builtin,
@@ -36,7 +36,7 @@ pub fn prior_source(name: Option<&Path>) -> PriorSource {
 }
 
 /// The settings in a few words, with the kind of body that was fitted.
-pub fn settings_in_words(method: &Method, fitted: Option<BodyKind>) -> String {
+pub(crate) fn settings_in_words(method: &Method, fitted: Option<BodyKind>) -> String {
     match method {
         Method::Map(map) => match map.body {
             Some(body) => format!("method map, body {body}"),
@@ -48,7 +48,7 @@ pub fn settings_in_words(method: &Method, fitted: Option<BodyKind>) -> String {
 }
 
 /// Runs all steps on a scene, with progress bars; `title` precedes them and errors. Reports what depth images and points gave.
-pub fn run_scene(title: &str, input: FileInput, options: &FileOptions, out: &Output) -> anyhow::Result<FileRun> {
+pub(crate) fn run_scene(title: &str, input: FileInput, options: &FileOptions, out: &Output) -> anyhow::Result<FileRun> {
     let found = run_file(input, options, &RunProgress::new(title, out));
     let input = found.as_ref().map_or_else(|failed| &failed.0, |run| &run.input);
     tell_measured(title, input, out);
@@ -62,7 +62,7 @@ pub fn run_scene(title: &str, input: FileInput, options: &FileOptions, out: &Out
 }
 
 /// Why a run failed, with the options that help.
-pub fn run_error(error: RunError<InputError>, title: &str, input: &FileInput) -> anyhow::Error {
+pub(crate) fn run_error(error: RunError<InputError>, title: &str, input: &FileInput) -> anyhow::Error {
     let error = match error {
         // It names the file.
         RunError::Input(InputError::Read(error)) => return error.into(),

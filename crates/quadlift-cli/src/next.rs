@@ -7,7 +7,7 @@ use crate::output::{DIM, HEADING, Output};
 
 /// A word of a command.
 #[derive(Debug, Clone, Copy)]
-pub enum Word<'a> {
+pub(crate) enum Word<'a> {
     /// A verbatim word.
     Text(&'a str),
     /// A path, which may need quotes.
@@ -28,14 +28,14 @@ impl<'a> From<&'a Path> for Word<'a> {
 
 /// Commands that make sense next, each with what it is for.
 #[derive(Debug, Default)]
-pub struct Next {
+pub(crate) struct Next {
     lines: Vec<(String, String)>,
 }
 
 impl Next {
     /// One more command (without the name of the program). Commands that read from standard output as a file are
     /// omitted, because it cannot be read again.
-    pub fn command<'a>(mut self, words: impl IntoIterator<Item = Word<'a>>, purpose: &str) -> Self {
+    pub(crate) fn command<'a>(mut self, words: impl IntoIterator<Item = Word<'a>>, purpose: &str) -> Self {
         let mut line = program();
         for word in words {
             match word {
@@ -49,14 +49,14 @@ impl Next {
     }
 
     /// The command of this run once more, with other options behind it.
-    pub fn again(mut self, options: &str, purpose: &str) -> Self {
+    pub(crate) fn again(mut self, options: &str, purpose: &str) -> Self {
         let words: Vec<String> = std::env::args_os().skip(1).map(|word| quoted(&word)).collect();
         self.lines.push((format!("{} {} {options}", program(), words.join(" ")), purpose.to_owned()));
         self
     }
 
     /// The lines, with a heading; empty without suggestions.
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         if self.lines.is_empty() {
             return String::new();
         }
@@ -70,7 +70,7 @@ impl Next {
     }
 
     /// Prints the lines below a report.
-    pub fn tell(&self, out: &Output) -> anyhow::Result<()> {
+    pub(crate) fn tell(&self, out: &Output) -> anyhow::Result<()> {
         out.report(&self.text())
     }
 }

@@ -13,7 +13,7 @@ use quadlift_io::options::levels_of_result;
 use crate::error::usage;
 
 /// The options of a command: a table of rows, and the command.
-pub trait List {
+pub(crate) trait List {
     /// The struct of the options.
     type Options: Default + 'static;
     /// The rows.
@@ -23,7 +23,7 @@ pub trait List {
 }
 
 /// A command that takes options of a run.
-pub trait OfRun {
+pub(crate) trait OfRun {
     /// The command.
     const COMMAND: Command;
 }
@@ -36,7 +36,7 @@ impl<T: OfRun> List for T {
 
 /// The options of a run in `localize`.
 #[derive(Debug, Clone, Copy)]
-pub enum Localize {}
+pub(crate) enum Localize {}
 
 impl OfRun for Localize {
     const COMMAND: Command = Command::Localize;
@@ -44,7 +44,7 @@ impl OfRun for Localize {
 
 /// The options of a run in `associate`.
 #[derive(Debug, Clone, Copy)]
-pub enum Associate {}
+pub(crate) enum Associate {}
 
 impl OfRun for Associate {
     const COMMAND: Command = Command::Associate;
@@ -52,7 +52,7 @@ impl OfRun for Associate {
 
 /// The options of a run in `segment`.
 #[derive(Debug, Clone, Copy)]
-pub enum Segment {}
+pub(crate) enum Segment {}
 
 impl OfRun for Segment {
     const COMMAND: Command = Command::Segment;
@@ -60,7 +60,7 @@ impl OfRun for Segment {
 
 /// The options of a run in `stream`.
 #[derive(Debug, Clone, Copy)]
-pub enum Stream {}
+pub(crate) enum Stream {}
 
 impl OfRun for Stream {
     const COMMAND: Command = Command::Stream;
@@ -68,7 +68,7 @@ impl OfRun for Stream {
 
 /// The options of the object map in `stream`.
 #[derive(Debug, Clone, Copy)]
-pub enum StreamMap {}
+pub(crate) enum StreamMap {}
 
 impl List for StreamMap {
     type Options = OnlineOptions;
@@ -78,14 +78,14 @@ impl List for StreamMap {
 
 /// The options of a command as they were given.
 #[derive(Debug, Clone)]
-pub struct Chosen<L: List> {
+pub(crate) struct Chosen<L: List> {
     given: Vec<(&'static str, Value)>,
     list: PhantomData<L>,
 }
 
 impl<L: List> Chosen<L> {
     /// The options with what was given. Reads the file that a value names.
-    pub fn options(&self) -> anyhow::Result<L::Options> {
+    pub(crate) fn options(&self) -> anyhow::Result<L::Options> {
         let mut given = self.given.clone();
         for (name, value) in &mut given {
             let is_levels = rows::<L>().any(|row| row.name == *name && row.kind == Kind::Levels);

@@ -11,22 +11,22 @@ use anyhow::Context;
 use serde::Serialize;
 
 /// Style of what went well.
-pub const GOOD: Style = AnsiColor::Green.on_default();
+pub(crate) const GOOD: Style = AnsiColor::Green.on_default();
 /// Style of what deserves attention.
-pub const WARNING: Style = AnsiColor::Yellow.on_default();
+pub(crate) const WARNING: Style = AnsiColor::Yellow.on_default();
 /// Style of what failed.
-pub const BAD: Style = AnsiColor::Red.on_default();
+pub(crate) const BAD: Style = AnsiColor::Red.on_default();
 /// Style of headings.
-pub const HEADING: Style = Style::new().bold();
+pub(crate) const HEADING: Style = Style::new().bold();
 /// Style of what is less important.
-pub const DIM: Style = Style::new().dimmed();
+pub(crate) const DIM: Style = Style::new().dimmed();
 
 /// Maximum number of errors of one kind that are printed; the JSON document has all of them.
 const MOST_ERRORS: usize = 20;
 
 /// Settings of the output.
 #[derive(Debug, Clone, Copy)]
-pub struct Output {
+pub(crate) struct Output {
     /// Print one JSON document instead of text.
     pub json: bool,
     /// Print errors only (and the JSON document, if requested).
@@ -39,7 +39,7 @@ pub struct Output {
 
 impl Output {
     /// Prints a report, except with `--json` or `--quiet`.
-    pub fn report(&self, text: &str) -> anyhow::Result<()> {
+    pub(crate) fn report(&self, text: &str) -> anyhow::Result<()> {
         if self.json || self.quiet {
             return Ok(());
         }
@@ -52,7 +52,7 @@ impl Output {
     }
 
     /// Prints the JSON document, if requested.
-    pub fn document(&self, value: &impl Serialize) -> anyhow::Result<()> {
+    pub(crate) fn document(&self, value: &impl Serialize) -> anyhow::Result<()> {
         if !self.json {
             return Ok(());
         }
@@ -62,12 +62,12 @@ impl Output {
     }
 
     /// Prints what the command is for, whatever the verbosity.
-    pub fn product(&self, text: &str) -> anyhow::Result<()> {
+    pub(crate) fn product(&self, text: &str) -> anyhow::Result<()> {
         to_stdout(text)
     }
 
     /// Prints a line of a stream at once, whatever the verbosity; whether anybody still reads the standard output.
-    pub fn stream_line(&self, line: &str) -> anyhow::Result<bool> {
+    pub(crate) fn stream_line(&self, line: &str) -> anyhow::Result<bool> {
         let mut stream = std::io::stdout().lock();
         match stream.write_all(line.as_bytes()).and_then(|()| stream.flush()) {
             Ok(()) => Ok(true),
@@ -77,27 +77,27 @@ impl Output {
     }
 
     /// Prints a detail on the standard error stream.
-    pub fn detail(&self, text: &str) {
+    pub(crate) fn detail(&self, text: &str) {
         if self.verbose {
             to_stderr(&format!("{DIM}{text}{DIM:#}"));
         }
     }
 
     /// Prints an error.
-    pub fn error(&self, text: &str) {
+    pub(crate) fn error(&self, text: &str) {
         let style = BAD.bold();
         to_stderr(&format!("{style}error:{style:#} {}", one_line(text)));
     }
 
     /// Prints a warning on standard error, except with `--quiet`.
-    pub fn warning(&self, text: &str) {
+    pub(crate) fn warning(&self, text: &str) {
         if !self.quiet {
             to_stderr(&format!("{WARNING}warning:{WARNING:#} {}", one_line(text)));
         }
     }
 
     /// Prints errors; of many, the first ones and how many more there are.
-    pub fn errors(&self, texts: &[String]) {
+    pub(crate) fn errors(&self, texts: &[String]) {
         texts.iter().take(MOST_ERRORS).for_each(|text| self.error(text));
         if texts.len() > MOST_ERRORS {
             self.error(&format!("{} more problems of this kind (--json lists all)", texts.len() - MOST_ERRORS));
@@ -107,7 +107,7 @@ impl Output {
 
 /// Text from a file, safe to print: control characters (line breaks, terminal codes), and characters that cannot be seen or
 /// turn the text around, are written as escapes.
-pub fn one_line(text: &str) -> String {
+pub(crate) fn one_line(text: &str) -> String {
     quadlift_io::escape(text)
 }
 

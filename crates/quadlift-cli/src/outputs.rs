@@ -22,7 +22,7 @@ const OUTPUTS_OF_STREAM: [&str; 3] = ["map", "state", "rerun"];
 const STANDARD_INPUT: &str = "standard input";
 
 /// The outputs and inputs of a command, by the names of their options.
-pub struct Paths<'a> {
+pub(crate) struct Paths<'a> {
     outputs: Vec<(&'a str, &'a Path)>,
     inputs: Vec<(&'a str, &'a Path)>,
     command: &'a str,
@@ -30,7 +30,7 @@ pub struct Paths<'a> {
 
 impl<'a> Paths<'a> {
     /// Those of the whole command line.
-    pub fn new(matches: &'a ArgMatches) -> Self {
+    pub(crate) fn new(matches: &'a ArgMatches) -> Self {
         let mut paths = Self { outputs: Vec::new(), inputs: Vec::new(), command: "" };
         let mut matches = matches;
         let mut command = "";
@@ -58,12 +58,12 @@ impl<'a> Paths<'a> {
     }
 
     /// Whether an output is standard output, as the events of `quadlift stream` are: messages must not be mixed with it.
-    pub fn to_standard_output(&self) -> bool {
+    pub(crate) fn to_standard_output(&self) -> bool {
         self.command == "stream" || self.outputs.iter().any(|(_, path)| is_standard_output(path))
     }
 
     /// Refuses outputs that are a file which is read, or one file twice, before anything is computed.
-    pub fn check(&self, json: bool) -> anyhow::Result<()> {
+    pub(crate) fn check(&self, json: bool) -> anyhow::Result<()> {
         for (index, &(option, output)) in self.outputs.iter().enumerate() {
             let what = if option == "report" { "report" } else { "result" };
             if self.command == "stream" && is_standard_output(output) {

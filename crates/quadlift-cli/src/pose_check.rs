@@ -20,7 +20,7 @@ const FAR_AWAY: f64 = 300.0;
 type Seen = Vec<(usize, Vector2<f64>)>;
 
 /// Possible problems, as text.
-pub fn pose_oddities(file: &SceneFile, scene: &Scene) -> Vec<String> {
+pub(crate) fn pose_oddities(file: &SceneFile, scene: &Scene) -> Vec<String> {
     let mut oddities = Vec::new();
     oddities.extend(true_objects_behind(file, scene));
     let objects = objects(scene);

@@ -13,7 +13,7 @@ use crate::output::{Output, one_line};
 const STEPS: f64 = 1000.0;
 
 /// Shows a run on one bar, which never goes back.
-pub struct RunProgress {
+pub(crate) struct RunProgress {
     bar: ProgressBar,
     overall: Mutex<Overall>,
 }
@@ -42,14 +42,14 @@ impl Overall {
 
 impl RunProgress {
     /// `title` precedes the bar.
-    pub fn new(title: &str, out: &Output) -> Self {
+    pub(crate) fn new(title: &str, out: &Output) -> Self {
         let bar = bar(title, "{percent} % {prefix} {elapsed}", out);
         bar.set_length(STEPS as u64);
         Self { bar, overall: Mutex::default() }
     }
 
     /// A phase with this share of the rest begins.
-    pub fn begin(&self, what: &'static str, share: f64) {
+    pub(crate) fn begin(&self, what: &'static str, share: f64) {
         self.overall.lock().unwrap_or_else(PoisonError::into_inner).begin(share);
         self.bar.set_prefix(what);
     }

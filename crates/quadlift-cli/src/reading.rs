@@ -14,11 +14,11 @@ const LOGS: &str = "Logs in MCAP";
 
 /// Options of formats that were given, with their texts.
 #[derive(Debug, Clone)]
-pub struct Given<O: 'static>(Vec<(&'static FormatOption<O>, String)>);
+pub(crate) struct Given<O: 'static>(Vec<(&'static FormatOption<O>, String)>);
 
 impl<O: Default> Given<O> {
     /// Those of a command that takes some of the declared ones.
-    pub fn of(matches: &ArgMatches, all: &'static [FormatOption<O>], takes: impl Fn(&str) -> bool) -> Self {
+    pub(crate) fn of(matches: &ArgMatches, all: &'static [FormatOption<O>], takes: impl Fn(&str) -> bool) -> Self {
         let text = |row: &FormatOption<O>| match row.value {
             "" => matches.get_flag(row.name).then(String::new),
             _ => matches.get_one::<String>(row.name).cloned(),
@@ -27,7 +27,7 @@ impl<O: Default> Given<O> {
     }
 
     /// The options.
-    pub fn options(&self) -> O {
+    pub(crate) fn options(&self) -> O {
         let mut options = O::default();
         for (row, text) in &self.0 {
             // It was tried when the argument was read.
@@ -37,12 +37,12 @@ impl<O: Default> Given<O> {
     }
 
     /// The first of them that is none of these, as it is written.
-    pub fn first_except(&self, names: &[&str]) -> Option<String> {
+    pub(crate) fn first_except(&self, names: &[&str]) -> Option<String> {
         self.0.iter().find(|(row, _)| !names.contains(&row.name)).map(|(row, _)| flag(row))
     }
 
     /// Refuses options that none of the files takes; `found` says what these are.
-    pub fn check(&self, taken: &[&[&str]], found: &str) -> anyhow::Result<()> {
+    pub(crate) fn check(&self, taken: &[&[&str]], found: &str) -> anyhow::Result<()> {
         let is_taken = |row: &FormatOption<O>| taken.iter().any(|names| names.contains(&row.name));
         match self.0.iter().find(|(row, _)| !is_taken(row)) {
             Some((row, _)) => {
@@ -65,7 +65,7 @@ fn formats_with(name: &str) -> Vec<&'static str> {
 }
 
 /// The arguments of those options that a command takes.
-pub fn arguments<O: Default>(
+pub(crate) fn arguments<O: Default>(
     all: &'static [FormatOption<O>],
     takes: impl Fn(&str) -> bool,
 ) -> impl Iterator<Item = Arg> {
@@ -83,14 +83,14 @@ pub fn arguments<O: Default>(
 }
 
 /// A command that takes options of readers.
-pub trait Reader {
+pub(crate) trait Reader {
     /// Whether it takes an option.
     fn takes(name: &str) -> bool;
 }
 
 /// `localize`, which reads every format.
 #[derive(Debug, Clone, Copy)]
-pub enum Localize {}
+pub(crate) enum Localize {}
 
 impl Reader for Localize {
     fn takes(_: &str) -> bool {
@@ -100,7 +100,7 @@ impl Reader for Localize {
 
 /// `stream`, which reads logs.
 #[derive(Debug, Clone, Copy)]
-pub enum Stream {}
+pub(crate) enum Stream {}
 
 impl Reader for Stream {
     fn takes(name: &str) -> bool {
@@ -110,7 +110,7 @@ impl Reader for Stream {
 
 /// The options of readers of a command, as they were given.
 #[derive(Debug, Clone)]
-pub struct Reading<R> {
+pub(crate) struct Reading<R> {
     /// What was given.
     pub given: Given<ReadOptions>,
     reader: PhantomData<R>,

@@ -14,7 +14,7 @@ use quadlift_io::synthetic_file::scene_file;
 const FOLDERS: [&str; 2] = ["images", "masks"];
 
 /// Rejects existing folders for images and masks beside a new scene file: they may contain the user's files.
-pub fn check_folders(scene_file: &Path) -> anyhow::Result<()> {
+pub(crate) fn check_folders(scene_file: &Path) -> anyhow::Result<()> {
     for folder in folders(scene_file) {
         let taken = folder.exists() && !std::fs::read_dir(&folder).is_ok_and(|mut entries| entries.next().is_none());
         if taken && !scene_file.exists() {
@@ -25,7 +25,7 @@ pub fn check_folders(scene_file: &Path) -> anyhow::Result<()> {
 }
 
 /// Writes the images of a rendered scene beside the scene file and returns its content, with the ground truth.
-pub fn write_images(rendered: &RenderedScene, path: &Path) -> anyhow::Result<SceneFile> {
+pub(crate) fn write_images(rendered: &RenderedScene, path: &Path) -> anyhow::Result<SceneFile> {
     let [images, _] = folders(path);
     make_folder(&images)?;
     let mut file = scene_file(&rendered.synthetic);
@@ -43,7 +43,7 @@ pub fn write_images(rendered: &RenderedScene, path: &Path) -> anyhow::Result<Sce
 }
 
 /// Writes the label images of the true masks beside the scene file, and their names into its content.
-pub fn write_masks(rendered: &RenderedScene, path: &Path, file: &mut SceneFile) -> anyhow::Result<()> {
+pub(crate) fn write_masks(rendered: &RenderedScene, path: &Path, file: &mut SceneFile) -> anyhow::Result<()> {
     let [_, masks] = folders(path);
     make_folder(&masks)?;
     for (index, labels) in rendered.labels.iter().enumerate() {

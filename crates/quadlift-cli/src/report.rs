@@ -15,7 +15,7 @@ use crate::error::usage;
 use crate::files::{Inputs, check_file, outputs};
 
 /// The reports' paths, one per input, checked before anything is computed; of several scenes `report` is a folder.
-pub fn report_paths(inputs: &Inputs, report: &Path, output: Option<&Path>) -> anyhow::Result<Vec<PathBuf>> {
+pub(crate) fn report_paths(inputs: &Inputs, report: &Path, output: Option<&Path>) -> anyhow::Result<Vec<PathBuf>> {
     if output == Some(report) && !inputs.several {
         return usage(format!("the report would overwrite {}; choose another name", report.display()));
     }
@@ -24,7 +24,7 @@ pub fn report_paths(inputs: &Inputs, report: &Path, output: Option<&Path>) -> an
 }
 
 /// Refuses a report that cannot be written or would take the place of another file, before anything is computed.
-pub fn check_report(report: Option<&PathBuf>, others: &[&Path]) -> anyhow::Result<()> {
+pub(crate) fn check_report(report: Option<&PathBuf>, others: &[&Path]) -> anyhow::Result<()> {
     let Some(path) = report else { return Ok(()) };
     check_file(path)?;
     match others.iter().find(|other| **other == path || is_same_file(other, path)) {
@@ -42,7 +42,7 @@ fn write_report(path: &Path, content: &Content) -> anyhow::Result<()> {
 }
 
 /// Writes the page of a localization that has just been made, of the scene in the file `input` with these images and masks.
-pub fn write_localized(
+pub(crate) fn write_localized(
     path: &Path,
     (input, file): (&Path, &SceneFile),
     images: &SceneImages,
@@ -64,7 +64,7 @@ pub fn write_localized(
 }
 
 /// Files of one scene, shown together: detections, estimates and ground truth may be in one or in several files.
-pub struct Gathered {
+pub(crate) struct Gathered {
     title: String,
     /// Frames and detections.
     pub scene: Scene,
@@ -82,13 +82,13 @@ pub struct Gathered {
 
 impl Gathered {
     /// Reads the files.
-    pub fn read(paths: &[PathBuf]) -> anyhow::Result<Self> {
+    pub(crate) fn read(paths: &[PathBuf]) -> anyhow::Result<Self> {
         let read = |path: &PathBuf| Ok((path.clone(), read_scene_file(path)?));
         Self::new(paths.iter().map(read).collect::<anyhow::Result<_>>()?)
     }
 
     /// Frames are taken from the first file with detections, or the first with frames.
-    pub fn new(files: Vec<(PathBuf, SceneFile)>) -> anyhow::Result<Self> {
+    pub(crate) fn new(files: Vec<(PathBuf, SceneFile)>) -> anyhow::Result<Self> {
         let first = |fits: &dyn Fn(&SceneFile) -> bool| files.iter().find(|(_, file)| fits(file));
         let is_estimate =
             |file: &SceneFile| file.objects.iter().any(|object| object.status.is_some()) || file.localization.is_some();
@@ -120,7 +120,7 @@ impl Gathered {
     }
 
     /// What is shown.
-    pub fn content<'a>(&'a self, scores: Option<&'a Scores>) -> Content<'a> {
+    pub(crate) fn content<'a>(&'a self, scores: Option<&'a Scores>) -> Content<'a> {
         Content {
             title: &self.title,
             scene: &self.scene,
@@ -134,7 +134,7 @@ impl Gathered {
     }
 
     /// Writes the report, with scores if the estimates and the ground truth share objects.
-    pub fn write_report_with_scores(&self, path: &Path) -> anyhow::Result<()> {
+    pub(crate) fn write_report_with_scores(&self, path: &Path) -> anyhow::Result<()> {
         let evaluation = match (&self.estimate, &self.truth) {
             (Some((a, estimate)), Some((b, truth))) => evaluate_objects((a, estimate), (b, truth), Matching::Auto).ok(),
             _ => None,
@@ -143,7 +143,7 @@ impl Gathered {
     }
 
     /// Writes the page, with these scores.
-    pub fn write_report(&self, path: &Path, evaluation: Option<&Evaluation>) -> anyhow::Result<()> {
+    pub(crate) fn write_report(&self, path: &Path, evaluation: Option<&Evaluation>) -> anyhow::Result<()> {
         write_report(path, &self.content(evaluation.map(Scores::of).as_ref()))
     }
 }

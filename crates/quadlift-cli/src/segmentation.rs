@@ -12,7 +12,7 @@ use crate::output::Output;
 use crate::progress::RunProgress;
 
 /// Segments the detections of a scene; `title` precedes the progress bar.
-pub fn segment_scene(
+pub(crate) fn segment_scene(
     title: &str,
     scene: &Scene,
     images: &SceneImages,

@@ -9,7 +9,7 @@ static INSTEAD: Mutex<Option<Box<dyn FnOnce() + Send>>> = Mutex::new(None);
 
 /// The first signal from now on calls this, which must not wait for anything, and the program goes on. The next one ends it.
 #[cfg(unix)]
-pub fn call_instead_of_ending(action: impl FnOnce() + Send + 'static) {
+pub(crate) fn call_instead_of_ending(action: impl FnOnce() + Send + 'static) {
     *INSTEAD.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(action));
 }
 
@@ -19,7 +19,7 @@ pub fn call_instead_of_ending(_: impl FnOnce() + Send + 'static) {}
 /// Starts a thread that waits for Ctrl-C, SIGTERM and SIGHUP, removes the temporary files and ends the program as the
 /// signal would have done. Signals that are ignored (`nohup`) stay ignored.
 #[cfg(unix)]
-pub fn remove_temporary_files_at_the_end() {
+pub(crate) fn remove_temporary_files_at_the_end() {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
     use signal_hook::iterator::Signals;
 

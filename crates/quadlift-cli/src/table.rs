@@ -9,14 +9,14 @@ use crate::output::{DIM, HEADING, one_line};
 
 /// A cell: its text and how it is shown.
 #[derive(Debug, Clone, Default)]
-pub struct Cell {
+pub(crate) struct Cell {
     text: String,
     style: Style,
 }
 
 impl Cell {
     /// A cell in a style.
-    pub fn styled(text: impl AsRef<str>, style: Style) -> Self {
+    pub(crate) fn styled(text: impl AsRef<str>, style: Style) -> Self {
         Self { text: one_line(text.as_ref()), style }
     }
 }
@@ -31,10 +31,10 @@ impl<T: AsRef<str>> From<T> for Cell {
 const WIDTH: usize = 100;
 
 /// Maximum number of rows of a table of objects, frames or cameras.
-pub const MOST_ROWS: usize = 40;
+pub(crate) const MOST_ROWS: usize = 40;
 
 /// The line below a table of the first [`MOST_ROWS`] of so many things, if there are more; `all` says where all are.
-pub fn rest(total: usize, things: &str, all: &str) -> String {
+pub(crate) fn rest(total: usize, things: &str, all: &str) -> String {
     match total.saturating_sub(MOST_ROWS) {
         0 => String::new(),
         1 => format!("{DIM}and 1 more {things}: {all}{DIM:#}\n"),
@@ -44,7 +44,7 @@ pub fn rest(total: usize, things: &str, all: &str) -> String {
 
 /// A table with a header; columns are as wide as their widest cell.
 #[derive(Debug, Clone)]
-pub struct Table {
+pub(crate) struct Table {
     header: Vec<String>,
     left: Vec<bool>,
     rows: Vec<Vec<Cell>>,
@@ -52,7 +52,7 @@ pub struct Table {
 
 impl Table {
     /// An empty table. Columns whose title starts with `<` are aligned to the left, all others to the right.
-    pub fn new<T: AsRef<str>>(titles: impl IntoIterator<Item = T>) -> Self {
+    pub(crate) fn new<T: AsRef<str>>(titles: impl IntoIterator<Item = T>) -> Self {
         let mut table = Self { header: Vec::new(), left: Vec::new(), rows: Vec::new() };
         for title in titles {
             let title = title.as_ref();
@@ -64,12 +64,12 @@ impl Table {
     }
 
     /// Adds a row.
-    pub fn push(&mut self, row: Vec<Cell>) {
+    pub(crate) fn push(&mut self, row: Vec<Cell>) {
         self.rows.push(row);
     }
 
     /// The table as lines of text; empty columns are omitted.
-    pub fn render(&self) -> String {
+    pub(crate) fn render(&self) -> String {
         let content = |column: usize| {
             let widest = self.rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.text.width()).max()?;
             (widest > 0).then_some(widest)
@@ -134,7 +134,7 @@ fn broken(title: &str, width: usize) -> Vec<String> {
 }
 
 /// A number with this many decimals; a dash when it is missing or not finite.
-pub fn number(x: Option<f64>, decimals: usize) -> String {
+pub(crate) fn number(x: Option<f64>, decimals: usize) -> String {
     match x.filter(|x| x.is_finite()) {
         Some(x) if x.abs() < 1e9 => {
             let text = format!("{x:.decimals$}");
@@ -151,7 +151,7 @@ pub fn number(x: Option<f64>, decimals: usize) -> String {
 }
 
 /// Decimals that show a number of this size with this many significant digits.
-pub fn decimals(size: f64, digits: i32) -> usize {
+pub(crate) fn decimals(size: f64, digits: i32) -> usize {
     if !(size.is_finite() && size > 0.0) {
         return 2;
     }

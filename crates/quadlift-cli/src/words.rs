@@ -2,15 +2,15 @@
 
 use std::time::Duration;
 
-pub use quadlift_io::wording::{count, some_of};
+pub(crate) use quadlift_io::wording::{count, some_of};
 
 /// The error if Parquet is requested and the program was built without it.
 #[cfg(not(feature = "parquet"))]
-pub const NO_PARQUET: &str = "this program was built without Parquet; to add it: cargo install --path \
+pub(crate) const NO_PARQUET: &str = "this program was built without Parquet; to add it: cargo install --path \
      crates/quadlift-cli --features parquet";
 
 /// A duration: in milliseconds or seconds, with two decimals if it is short.
-pub fn duration(time: Duration) -> String {
+pub(crate) fn duration(time: Duration) -> String {
     let milliseconds = 1e3 * time.as_secs_f64();
     match milliseconds {
         ..10.0 => format!("{milliseconds:.2} ms"),
@@ -21,7 +21,7 @@ pub fn duration(time: Duration) -> String {
 }
 
 /// The title of a column with lengths, with the unit if known.
-pub fn with_unit(title: &str, length_unit: Option<&str>) -> String {
+pub(crate) fn with_unit(title: &str, length_unit: Option<&str>) -> String {
     match length_unit {
         Some(unit) => format!("{title} [{unit}]"),
         None => title.to_owned(),

@@ -9,7 +9,7 @@ use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, SeqAccess, Visitor
 use serde::ser::Serializer;
 
 /// What a [`List`] can hold.
-pub trait Item: Copy {
+pub(crate) trait Item: Copy {
     /// Fills the list before its items are read.
     const ZERO: Self;
     /// Names several of them in a message.
@@ -32,7 +32,7 @@ impl Item for u32 {
 
 /// A list of exactly `N` items.
 #[derive(Clone, Copy)]
-pub struct List<T, const N: usize>([T; N]);
+pub(crate) struct List<T, const N: usize>([T; N]);
 
 impl<T: Item, const N: usize> Item for List<T, N> {
     const ZERO: Self = Self([T::ZERO; N]);
@@ -76,22 +76,22 @@ impl<'de, T: Item + Deserialize<'de>, const N: usize> Deserialize<'de> for List<
 }
 
 /// For `deserialize_with`: `N` numbers.
-pub fn list<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Result<[f64; N], D::Error> {
+pub(crate) fn list<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Result<[f64; N], D::Error> {
     List::deserialize(deserializer).map(|list| list.0)
 }
 
 /// For `deserialize_with`: `N` whole numbers that are not negative.
-pub fn whole_list<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Result<[u32; N], D::Error> {
+pub(crate) fn whole_list<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Result<[u32; N], D::Error> {
     List::deserialize(deserializer).map(|list| list.0)
 }
 
 /// For `deserialize_with`: `N` numbers, or `null`.
-pub fn optional_list<'de, D: Deserializer<'de>, const N: usize>(d: D) -> Result<Option<[f64; N]>, D::Error> {
+pub(crate) fn optional_list<'de, D: Deserializer<'de>, const N: usize>(d: D) -> Result<Option<[f64; N]>, D::Error> {
     Option::<List<f64, N>>::deserialize(d).map(|list| list.map(|list| list.0))
 }
 
 /// For `deserialize_with`: any number of lists of `N` numbers.
-pub fn lists<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Result<Vec<[f64; N]>, D::Error> {
+pub(crate) fn lists<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Result<Vec<[f64; N]>, D::Error> {
     Ok(Vec::<List<f64, N>>::deserialize(deserializer)?.into_iter().map(|list| list.0).collect())
 }
 
@@ -99,25 +99,27 @@ pub fn lists<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Resu
 type Lists<const N: usize> = Box<[[f64; N]]>;
 
 /// For `deserialize_with`: any number of lists of `N` numbers, or `null`.
-pub fn optional_lists<'de, D: Deserializer<'de>, const N: usize>(d: D) -> Result<Option<Lists<N>>, D::Error> {
+pub(crate) fn optional_lists<'de, D: Deserializer<'de>, const N: usize>(d: D) -> Result<Option<Lists<N>>, D::Error> {
     let lists = Option::<Vec<List<f64, N>>>::deserialize(d)?;
     Ok(lists.map(|lists| lists.into_iter().map(|list| list.0).collect()))
 }
 
 /// For `deserialize_with`: a matrix by rows.
-pub fn matrix<'de, D: Deserializer<'de>, const R: usize, const C: usize>(d: D) -> Result<[[f64; C]; R], D::Error> {
+pub(crate) fn matrix<'de, D: Deserializer<'de>, const R: usize, const C: usize>(
+    d: D,
+) -> Result<[[f64; C]; R], D::Error> {
     List::<List<f64, C>, R>::deserialize(d).map(|rows| rows.0.map(|row| row.0))
 }
 
 /// For `deserialize_with`: a matrix by rows, or `null`.
-pub fn optional_matrix<'de, D: Deserializer<'de>, const R: usize, const C: usize>(
+pub(crate) fn optional_matrix<'de, D: Deserializer<'de>, const R: usize, const C: usize>(
     d: D,
 ) -> Result<Option<[[f64; C]; R]>, D::Error> {
     Option::<List<List<f64, C>, R>>::deserialize(d).map(|rows| rows.map(|rows| rows.0.map(|row| row.0)))
 }
 
 /// For `serialize_with`: whole numbers, such as image sizes and levels, without ".0".
-pub fn plain<S: Serializer>(number: &Option<f64>, serializer: S) -> Result<S::Ok, S::Error> {
+pub(crate) fn plain<S: Serializer>(number: &Option<f64>, serializer: S) -> Result<S::Ok, S::Error> {
     match number {
         None => serializer.serialize_none(),
         Some(x) if x.fract() == 0.0 && x.abs() < 1e15 => serializer.serialize_i64(*x as i64),
@@ -127,7 +129,7 @@ pub fn plain<S: Serializer>(number: &Option<f64>, serializer: S) -> Result<S::Ok
 
 /// Rounds a number to at most this many significant decimal digits (1 to 15), for figures that would otherwise be
 /// written with 17.
-pub fn significant(x: f64, digits: i32) -> f64 {
+pub(crate) fn significant(x: f64, digits: i32) -> f64 {
     if x == 0.0 || !x.is_finite() {
         return x;
     }

@@ -38,7 +38,7 @@ pub(crate) struct Temporary {
 
 impl Temporary {
     /// A new file in a folder, open for writing.
-    pub fn file_in(folder: &Path) -> io::Result<(Self, File)> {
+    pub(crate) fn file_in(folder: &Path) -> io::Result<(Self, File)> {
         // Temporary files are private by default; the finished one must be as readable as any other new file.
         Self::make(folder, 0o666, |builder| {
             let (file, path) = builder.tempfile_in(folder)?.keep().map_err(|error| error.error)?;
@@ -47,7 +47,7 @@ impl Temporary {
     }
 
     /// A new folder in a folder.
-    pub fn folder_in(folder: &Path) -> io::Result<Self> {
+    pub(crate) fn folder_in(folder: &Path) -> io::Result<Self> {
         Self::make(folder, 0o777, |builder| Ok((builder.tempdir_in(folder)?.keep(), ()))).map(|(folder, ())| folder)
     }
 
@@ -79,12 +79,12 @@ impl Temporary {
         Ok((Self { path, persisted: false }, file))
     }
 
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
     /// Renames it to its final name, replacing an existing file.
-    pub fn persist(mut self, path: &Path) -> io::Result<()> {
+    pub(crate) fn persist(mut self, path: &Path) -> io::Result<()> {
         fs::rename(&self.path, path)?;
         self.persisted = true;
         Ok(())

@@ -6,7 +6,7 @@ use crate::error::ReadError;
 
 /// A line of a file.
 #[derive(Debug, Clone, Copy)]
-pub struct Line<'a> {
+pub(crate) struct Line<'a> {
     path: &'a Path,
     /// Its number, from 1.
     pub number: usize,
@@ -15,28 +15,28 @@ pub struct Line<'a> {
 }
 
 /// The lines of a text.
-pub fn lines<'a>(path: &'a Path, text: &'a str) -> impl Iterator<Item = Line<'a>> {
+pub(crate) fn lines<'a>(path: &'a Path, text: &'a str) -> impl Iterator<Item = Line<'a>> {
     text.lines().enumerate().map(move |(index, text)| Line { path, number: index + 1, text: text.trim() })
 }
 
 impl<'a> Line<'a> {
     /// Whether there is nothing on it, or a comment.
-    pub fn is_blank_or_comment(&self) -> bool {
+    pub(crate) fn is_blank_or_comment(&self) -> bool {
         self.text.is_empty() || self.text.starts_with('#')
     }
 
     /// A problem with this line.
-    pub fn error(&self, problem: impl Into<String>) -> ReadError {
+    pub(crate) fn error(&self, problem: impl Into<String>) -> ReadError {
         ReadError::new(self.path, problem).at(self.number, 0)
     }
 
     /// Its fields, between blanks.
-    pub fn fields(&self) -> Fields<'a> {
+    pub(crate) fn fields(&self) -> Fields<'a> {
         Fields { line: *self, rest: self.text, index: 0 }
     }
 
     /// All its fields as finite numbers.
-    pub fn numbers(&self) -> Result<Vec<f64>, ReadError> {
+    pub(crate) fn numbers(&self) -> Result<Vec<f64>, ReadError> {
         self.fields().numbers_left("a number")
     }
 }
@@ -44,7 +44,7 @@ impl<'a> Line<'a> {
 impl Line<'_> {
     /// All its fields, between commas (or blanks, where there is no comma), as finite numbers. A comma at the end does
     /// not count.
-    pub fn numbers_between_commas(&self) -> Result<Vec<f64>, ReadError> {
+    pub(crate) fn numbers_between_commas(&self) -> Result<Vec<f64>, ReadError> {
         if !self.text.contains(',') {
             return self.numbers();
         }
@@ -60,7 +60,7 @@ impl Line<'_> {
 
 /// The fields of a line that are still to be read.
 #[derive(Debug, Clone)]
-pub struct Fields<'a> {
+pub(crate) struct Fields<'a> {
     line: Line<'a>,
     rest: &'a str,
     index: usize,
@@ -68,17 +68,17 @@ pub struct Fields<'a> {
 
 impl<'a> Fields<'a> {
     /// Whether none is left.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.rest.is_empty()
     }
 
     /// The rest of the line.
-    pub fn rest(&self) -> &'a str {
+    pub(crate) fn rest(&self) -> &'a str {
         self.rest
     }
 
     /// The next field; `what` is expected there.
-    pub fn word(&mut self, what: &str) -> Result<&'a str, ReadError> {
+    pub(crate) fn word(&mut self, what: &str) -> Result<&'a str, ReadError> {
         if self.rest.is_empty() {
             return Err(self.line.error(format!("the line ends after {} fields; expected {what}", self.index)));
         }
@@ -89,14 +89,14 @@ impl<'a> Fields<'a> {
     }
 
     /// The next field as a finite number.
-    pub fn number(&mut self, what: &str) -> Result<f64, ReadError> {
+    pub(crate) fn number(&mut self, what: &str) -> Result<f64, ReadError> {
         let word = self.word(what)?;
         let number = word.parse::<f64>().ok().filter(|x| x.is_finite());
         number.ok_or_else(|| self.wrong(word, what))
     }
 
     /// The next `N` fields as finite numbers.
-    pub fn numbers<const N: usize>(&mut self, what: &str) -> Result<[f64; N], ReadError> {
+    pub(crate) fn numbers<const N: usize>(&mut self, what: &str) -> Result<[f64; N], ReadError> {
         let mut numbers = [0.0; N];
         for number in &mut numbers {
             *number = self.number(what)?;
@@ -105,7 +105,7 @@ impl<'a> Fields<'a> {
     }
 
     /// All fields that are left as finite numbers.
-    pub fn numbers_left(&mut self, what: &str) -> Result<Vec<f64>, ReadError> {
+    pub(crate) fn numbers_left(&mut self, what: &str) -> Result<Vec<f64>, ReadError> {
         let mut numbers = Vec::new();
         while !self.is_empty() {
             numbers.push(self.number(what)?);
@@ -114,7 +114,7 @@ impl<'a> Fields<'a> {
     }
 
     /// The next field as a whole number, in any notation: `3`, `3.0`, `3e0`.
-    pub fn whole<T: std::str::FromStr>(&mut self, what: &str) -> Result<T, ReadError> {
+    pub(crate) fn whole<T: std::str::FromStr>(&mut self, what: &str) -> Result<T, ReadError> {
         let word = self.word(what)?;
         let whole = || {
             let x: f64 = word.parse().ok()?;

@@ -16,7 +16,7 @@ use crate::run::Ticker;
 /// The keywords of `associate`, as Python hands them over. Names are those of the program.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct AssociateKeywords {
+pub(crate) struct AssociateKeywords {
     ids: String,
     source: Option<String>,
     thorough: bool,
@@ -30,7 +30,7 @@ pub struct AssociateKeywords {
 
 impl AssociateKeywords {
     /// Checks the keywords for a scene.
-    pub fn for_scene(self, scene: &Scene) -> PyResult<AssociateOptions> {
+    pub(crate) fn for_scene(self, scene: &Scene) -> PyResult<AssociateOptions> {
         let unit = scene.length_unit.as_deref();
         let priors = read_priors(self.priors.as_deref(), self.priors_text.as_deref(), unit)?;
         let options = AssociateOptions {
@@ -49,7 +49,7 @@ impl AssociateKeywords {
 }
 
 /// Checks and associates; the scene with the objects that were found, or the reason why there are none.
-pub fn associated(
+pub(crate) fn associated(
     loaded: &Loaded,
     options: &AssociateOptions,
     ticker: &Ticker,
@@ -62,7 +62,7 @@ pub fn associated(
 }
 
 /// Why a run failed.
-pub fn in_words(error: &RunError<InputError>, context: &Context) -> String {
+pub(crate) fn in_words(error: &RunError<InputError>, context: &Context) -> String {
     let RunError::NothingFound { skipped, check, .. } = error else { return error.to_string() };
     let why = DiagnosisRecord::of(check, context).in_words().map_or(String::new(), |why| format!(": {why}"));
     format!("{error}{}{why}", skipped_in_words(*skipped))

@@ -20,7 +20,7 @@ use crate::rows::Names;
 /// The boxes of a rig and what is known of its cameras: the dictionary `RigArrays` of `python/quadlift/_calibrate.py`.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct RigArrays<'py> {
+pub(crate) struct RigArrays<'py> {
     /// (M, 4)
     boxes: PyReadonlyArray2<'py, f64>,
     /// (M,), numbers of cameras and of instants.
@@ -97,7 +97,7 @@ impl RigArrays<'_> {
 
 /// The poses of the cameras of a rig.
 #[pyfunction]
-pub fn calibrate<'py>(py: Python<'py>, arrays: RigArrays) -> PyResult<Bound<'py, PyDict>> {
+pub(crate) fn calibrate<'py>(py: Python<'py>, arrays: RigArrays) -> PyResult<Bound<'py, PyDict>> {
     let rig = arrays.rig()?;
     let distance = |&(a, b, length): &(usize, usize, f64)| CameraDistance { cameras: [a, b], length };
     let options = CalibrateOptions { distances: arrays.distances.iter().map(distance).collect(), seed: arrays.seed };

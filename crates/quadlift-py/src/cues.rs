@@ -11,7 +11,7 @@ use crate::rows::{Names, value, values};
 /// Cues of M detections, the dictionary `CueArrays` of `python/quadlift/_arrays.py`. NaN means none.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct CueArrays<'py> {
+pub(crate) struct CueArrays<'py> {
     /// (M,): depth of the visible surface.
     depth: Option<PyReadonlyArray1<'py, f64>>,
     /// (M,): its standard deviation.
@@ -34,7 +34,7 @@ pub struct CueArrays<'py> {
 
 impl CueArrays<'_> {
     /// The depth and the 3D box of a row, unchecked.
-    pub fn records(&self, row: usize) -> (Option<Box<DepthRecord>>, Option<Box<Box3dRecord>>) {
+    pub(crate) fn records(&self, row: usize) -> (Option<Box<DepthRecord>>, Option<Box<Box3dRecord>>) {
         let depth = value(&self.depth, row).map(|median| {
             let source = self.depth_source.of_row(row).map(Into::into);
             Box::new(DepthRecord { median, sd: value(&self.depth_sd, row), source, ..Default::default() })
@@ -63,7 +63,7 @@ impl CueArrays<'_> {
     }
 
     /// The same as cues, checked; `pose` is that of the frame, `source_of` gives the index of a source.
-    pub fn of_row(
+    pub(crate) fn of_row(
         &self,
         row: usize,
         pose: impl Fn() -> Option<CamFromWorld>,

@@ -54,7 +54,7 @@ pub struct DetectionArrays<'py> {
 /// The boxes of a frame: M rows, the dictionary `BoxArrays` of `python/quadlift/_arrays.py`.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct BoxArrays<'py> {
+pub(crate) struct BoxArrays<'py> {
     /// (M, 4); a row of NaN is no box.
     boxes: PyReadonlyArray2<'py, f64>,
     objects: Names<'py>,
@@ -71,7 +71,7 @@ pub struct BoxArrays<'py> {
 
 impl BoxArrays<'_> {
     /// The detections of a frame as records, checked; or which row is wrong.
-    pub fn records(&self, frame: &str) -> Result<Vec<DetectionRecord>, String> {
+    pub(crate) fn records(&self, frame: &str) -> Result<Vec<DetectionRecord>, String> {
         let boxes = self.boxes.as_array();
         let record = |row: usize| {
             let shape = self.outlines.as_ref().map(|outlines| outlines.of_row(row)).transpose()?.unwrap_or_default();
@@ -259,7 +259,7 @@ fn cue_source(sources: &mut Vec<String>, name: &str) -> Result<u32, SceneError> 
 }
 
 /// The error of a scene with detections added from the index `first` on: with rows instead of indices.
-pub fn refused(error: SceneError, first: usize) -> PyErr {
+pub(crate) fn refused(error: SceneError, first: usize) -> PyErr {
     let SceneError::DuplicateDetection { object, frame, first: earlier, second } = error else { return refuse(error) };
     let row = second - first;
     let place = match earlier.checked_sub(first) {
@@ -272,7 +272,7 @@ pub fn refused(error: SceneError, first: usize) -> PyErr {
 /// Which edges (left, top, right, bottom) of M boxes are probably hidden by another box of the same frame: (M, 4).
 /// Invalid boxes neither hide nor are hidden.
 #[pyfunction]
-pub fn hidden_edges<'py>(
+pub(crate) fn hidden_edges<'py>(
     py: Python<'py>,
     frames: PyReadonlyArray1<'py, i64>,
     boxes: PyReadonlyArray2<'py, f64>,

@@ -13,6 +13,6 @@ create_exception!(
 );
 
 /// The Python exception with the words of an error.
-pub fn refuse(error: impl Display) -> PyErr {
+pub(crate) fn refuse(error: impl Display) -> PyErr {
     QuadliftError::new_err(error.to_string())
 }

@@ -8,12 +8,12 @@ use quadlift_io::evaluation::{EvaluateError, Matching, evaluate_objects, found_r
 use serde_json::{Value, json};
 
 /// Names of `match`.
-pub const MATCHING: [(&str, Matching); 3] =
+pub(crate) const MATCHING: [(&str, Matching); 3] =
     [("auto", Matching::Auto), ("ids", Matching::Ids), ("overlap", Matching::Overlap)];
 
 /// Scores the objects of `estimate` against those of `truth`, and the association, if both files have the data: the
 /// fields of Python's `Evaluation`.
-pub fn scores(
+pub(crate) fn scores(
     estimate: &SceneFile,
     truth: &SceneFile,
     matching: Matching,

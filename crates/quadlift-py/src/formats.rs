@@ -17,7 +17,7 @@ use crate::loaded::Loaded;
 use crate::options::choice;
 
 /// Options with their values as text; that of a flag is empty.
-pub type Given = Vec<(String, String)>;
+pub(crate) type Given = Vec<(String, String)>;
 
 const MATCHES: [(&str, MatchBy); 5] = [
     ("auto", MatchBy::Auto),
@@ -30,7 +30,7 @@ const MATCHES: [(&str, MatchBy); 5] = [
 /// How detections are added to a scene.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct AddKeywords {
+pub(crate) struct AddKeywords {
     source: Option<String>,
     min_score: Option<f64>,
     #[pyo3(item("match"))]
@@ -42,7 +42,7 @@ pub struct AddKeywords {
 
 /// The names of the options of readers and of writers.
 #[pyfunction]
-pub fn format_options() -> (Vec<&'static str>, Vec<&'static str>) {
+pub(crate) fn format_options() -> (Vec<&'static str>, Vec<&'static str>) {
     (READ.iter().map(|row| row.name).collect(), WRITE.iter().map(|row| row.name).collect())
 }
 
@@ -73,7 +73,7 @@ fn in_keywords(error: ReadError) -> PyErr {
 }
 
 /// Cameras and poses in a file or folder, recognized or of a given format; and what was left out.
-pub fn read_cameras(
+pub(crate) fn read_cameras(
     path: &Path,
     format: Option<&str>,
     images: Option<&Path>,
@@ -108,7 +108,7 @@ pub fn read_cameras(
 }
 
 /// A scene file with the detections in a file or folder too, which are corrected; and what was left out.
-pub fn with_detections(
+pub(crate) fn with_detections(
     mut file: SceneFile,
     path: &Path,
     format: Option<&str>,
@@ -171,7 +171,7 @@ fn export_tables(_: &Loaded, _: &Path) -> PyResult<Vec<String>> {
 }
 
 /// Writes objects or cameras of a scene in a format of another program; what was converted, assumed and left out.
-pub fn export(loaded: &Loaded, format: &str, output: &Path, given: &Given) -> PyResult<Vec<String>> {
+pub(crate) fn export(loaded: &Loaded, format: &str, output: &Path, given: &Given) -> PyResult<Vec<String>> {
     if format == "parquet" {
         set::<WriteOptions>(WRITE, given, format, &[])?;
         return export_tables(loaded, output);

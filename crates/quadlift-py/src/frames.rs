@@ -12,7 +12,7 @@ use crate::error::refuse;
 /// Cameras and poses: the dictionary `FrameArrays` of `python/quadlift/_arrays.py`.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct FrameArrays<'py> {
+pub(crate) struct FrameArrays<'py> {
     /// (F, 3, 4), instead of intrinsics and poses.
     #[pyo3(default)]
     projections: Option<PyReadonlyArray3<'py, f64>>,
@@ -41,7 +41,7 @@ type Rows = [[f64; 4]; 3];
 
 impl FrameArrays<'_> {
     /// A scene file with these frames.
-    pub fn to_file(&self) -> PyResult<SceneFile> {
+    pub(crate) fn to_file(&self) -> PyResult<SceneFile> {
         if let Some((_, problem)) = self.problems().next() {
             return Err(refuse(problem));
         }
@@ -75,7 +75,7 @@ impl FrameArrays<'_> {
     }
 
     /// Frames with invalid cameras, with reasons. A shared invalid camera is reported for the first frame only.
-    pub fn problems(&self) -> impl Iterator<Item = (usize, String)> {
+    pub(crate) fn problems(&self) -> impl Iterator<Item = (usize, String)> {
         let count = self.frame_ids.len();
         let cameras = (0..self.cameras()).filter_map(|index| Some((index, self.problem_of_camera(index)?)));
         cameras.chain((0..count).filter_map(|index| Some((index, self.problem_of_pose(index)?))))

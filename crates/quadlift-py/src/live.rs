@@ -12,7 +12,7 @@ const MOST_EVENTS: usize = 10_000;
 
 /// What a viewer shows, and what has changed since it was logged.
 #[derive(Default)]
-pub struct Live {
+pub(crate) struct Live {
     /// What is shown; none before it is asked for.
     map: Option<LiveMap>,
     /// The last frame, as long as nothing is shown.
@@ -22,7 +22,7 @@ pub struct Live {
 
 impl Live {
     /// Takes in a frame that the map has observed.
-    pub fn frame(&mut self, map: &ObjectMap, checked: &CheckedFrame, update: &FrameUpdate) {
+    pub(crate) fn frame(&mut self, map: &ObjectMap, checked: &CheckedFrame, update: &FrameUpdate) {
         match &mut self.map {
             Some(live) => {
                 let record = record_of(live, map, checked, update);
@@ -33,7 +33,7 @@ impl Live {
     }
 
     /// Takes in other changes of the map.
-    pub fn others(&mut self, map: &ObjectMap, update: &FrameUpdate) {
+    pub(crate) fn others(&mut self, map: &ObjectMap, update: &FrameUpdate) {
         if let Some(live) = &mut self.map {
             let record = live.others(map, update);
             self.add(record);
@@ -43,7 +43,7 @@ impl Live {
     /// What has changed since this was called before; all objects and the last frame the first time.
     ///
     /// `up` is the direction against gravity.
-    pub fn take(&mut self, map: &ObjectMap, up: Option<[f64; 3]>) -> LiveRecord {
+    pub(crate) fn take(&mut self, map: &ObjectMap, up: Option<[f64; 3]>) -> LiveRecord {
         let is_first = self.map.is_none();
         // Images are shown as they are.
         let live = self.map.get_or_insert_with(LiveMap::in_images);

@@ -44,7 +44,7 @@ pub struct PyLocalized {
 }
 
 /// Runs all steps on a scene, like the program; `loaded` is the scene as it was given.
-pub fn localized(
+pub(crate) fn localized(
     loaded: Arc<Loaded>,
     input: FileInput,
     options: &FileOptions,

@@ -14,7 +14,7 @@ use crate::rows::Names;
 /// The boxes of an image and what is known of its camera: the dictionary `LocateQuery` of `python/quadlift/_arrays.py`.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct LocateQuery<'py> {
+pub(crate) struct LocateQuery<'py> {
     /// (N, 4)
     boxes: PyReadonlyArray2<'py, f64>,
     categories: Names<'py>,
@@ -38,7 +38,7 @@ fn direction(name: &str, numbers: [f64; 3]) -> PyResult<Unit<Vector3<f64>>> {
 
 impl LocateQuery<'_> {
     /// The boxes.
-    pub fn query(&self) -> PyResult<Query> {
+    pub(crate) fn query(&self) -> PyResult<Query> {
         let [fx, fy, cx, cy] = self.intrinsics;
         let boxes = self.boxes.as_array();
         let query_box = |(row, edges): (usize, ArrayView1<f64>)| {
@@ -57,7 +57,7 @@ impl LocateQuery<'_> {
     }
 
     /// The options, with those of a map where none are given.
-    pub fn options(&self, of_map: LocateOptions) -> PyResult<LocateOptions> {
+    pub(crate) fn options(&self, of_map: LocateOptions) -> PyResult<LocateOptions> {
         let up = self.up.map(|up| direction("up", up)).transpose()?;
         let needs_up = |name: &str| refuse(format!("{name} needs up, the direction against gravity in the world"));
         let gravity = match (self.up_in_camera, up) {
@@ -77,7 +77,12 @@ impl LocateQuery<'_> {
 }
 
 /// What was found; `rows` has what stands for each landmark.
-pub fn location<'py>(py: Python<'py>, located: &Located, boxes: usize, rows: &[usize]) -> PyResult<Bound<'py, PyDict>> {
+pub(crate) fn location<'py>(
+    py: Python<'py>,
+    located: &Located,
+    boxes: usize,
+    rows: &[usize],
+) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     dict.set_item("status", located.status.name())?;
     let poses: Vec<_> = located.poses.iter().map(|pose| pose_dict(py, pose, boxes, rows)).collect::<PyResult<_>>()?;

@@ -56,7 +56,7 @@ impl From<StreamState> for State {
 /// The keywords of an object map, as Python hands them over. Names are those of the program.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct MapKeywords {
+pub(crate) struct MapKeywords {
     name: Option<String>,
     up: Option<[f64; 3]>,
     length_unit: Option<String>,
@@ -76,7 +76,7 @@ pub struct MapKeywords {
 /// A posed frame: the dictionary `MapFrame` of `python/quadlift/_arrays.py`.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct MapFrame {
+pub(crate) struct MapFrame {
     id: String,
     time: f64,
     /// Id of a camera that was given before.

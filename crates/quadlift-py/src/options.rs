@@ -48,7 +48,7 @@ impl From<Given> for Value {
 /// The keywords of `localize`, as Python hands them over.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct LocalizeKeywords {
+pub(crate) struct LocalizeKeywords {
     /// Those of [`RUN`] that are given.
     run: HashMap<String, Option<Given>>,
     /// "builtin" or a path.
@@ -61,7 +61,7 @@ pub struct LocalizeKeywords {
 
 impl LocalizeKeywords {
     /// Checks the keywords and reads what they name.
-    pub fn options(&self) -> PyResult<FileOptions> {
+    pub(crate) fn options(&self) -> PyResult<FileOptions> {
         let given: Vec<(&str, Value)> =
             self.run.iter().map(|(name, value)| (name.as_str(), value.clone().into())).collect();
         let mut run = RunOptions::default();
@@ -116,7 +116,11 @@ fn prior_source(name: Option<&str>, text: Option<&str>) -> PriorSource {
 }
 
 /// Priors by their name or path, or from the text of a file, for a scene with this unit of length.
-pub fn read_priors(name: Option<&str>, text: Option<&str>, length_unit: Option<&str>) -> PyResult<CategoryPriors> {
+pub(crate) fn read_priors(
+    name: Option<&str>,
+    text: Option<&str>,
+    length_unit: Option<&str>,
+) -> PyResult<CategoryPriors> {
     let source = prior_source(name, text);
     if source == PriorSource::Builtin {
         check_meters(length_unit).map_err(refuse)?;
@@ -125,7 +129,7 @@ pub fn read_priors(name: Option<&str>, text: Option<&str>, length_unit: Option<&
 }
 
 /// The value of this name; the error names the argument, what was found and what there is.
-pub fn choice<T: Copy>(argument: &str, name: &str, values: &[(&str, T)]) -> PyResult<T> {
+pub(crate) fn choice<T: Copy>(argument: &str, name: &str, values: &[(&str, T)]) -> PyResult<T> {
     if let Some((_, value)) = values.iter().find(|(known, _)| *known == name) {
         return Ok(*value);
     }
@@ -134,7 +138,7 @@ pub fn choice<T: Copy>(argument: &str, name: &str, values: &[(&str, T)]) -> PyRe
 }
 
 /// The choice of this name; the error names the argument, what was found and what there is.
-pub fn named<T: FromStr<Err = UnknownName>>(argument: &str, name: &str) -> PyResult<T> {
+pub(crate) fn named<T: FromStr<Err = UnknownName>>(argument: &str, name: &str) -> PyResult<T> {
     name.parse().map_err(|error: UnknownName| {
         let known: Vec<String> = error.expected.iter().map(|name| format!("\"{name}\"")).collect();
         refuse(format!("{argument} is \"{name}\"; expected one of {}", known.join(", ")))

@@ -11,7 +11,7 @@ use crate::rows::values;
 /// Outlines and turned boxes of M detections, the dictionary `OutlineArrays` of `python/quadlift/_outlines.py`.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct OutlineArrays<'py> {
+pub(crate) struct OutlineArrays<'py> {
     /// (K, 2): the corners of all outlines, one after the other.
     corners: Option<PyReadonlyArray2<'py, f64>>,
     /// (M + 1,): where the corners of each detection begin, 0 to K; a detection without an outline has none.
@@ -24,7 +24,7 @@ pub struct OutlineArrays<'py> {
 
 /// Outline and turned box of a row.
 #[derive(Clone, Default)]
-pub struct RowShape {
+pub(crate) struct RowShape {
     /// Corners of the outline.
     pub outline: Option<Box<[[f64; 2]]>>,
     /// The turned box.
@@ -35,12 +35,12 @@ pub struct RowShape {
 
 impl RowShape {
     /// Whether there is neither an outline nor a turned box.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.outline.is_none() && self.oriented_box.is_none()
     }
 
     /// The shape as a scene takes it.
-    pub fn shape(&self) -> Shape<'_> {
+    pub(crate) fn shape(&self) -> Shape<'_> {
         let Self { outline, oriented_box, hidden_lines } = self;
         Shape { outline: outline.as_deref(), oriented_box: *oriented_box, hidden_lines: *hidden_lines }
     }
@@ -48,7 +48,7 @@ impl RowShape {
 
 impl OutlineArrays<'_> {
     /// Outline and turned box of a row, checked; or which number is wrong.
-    pub fn of_row(&self, row: usize) -> Result<RowShape, String> {
+    pub(crate) fn of_row(&self, row: usize) -> Result<RowShape, String> {
         let outline = self.corners_of(row).filter(|corners| !corners.is_empty());
         if let Some(corners) = &outline {
             check_outline(corners).map_err(|error| format!("outlines[{row}]: {error}"))?;
@@ -78,7 +78,7 @@ impl OutlineArrays<'_> {
 /// Which lines of M outlines end where another outline of the same frame begins: (M, 8). Rows without a valid outline neither hide nor
 /// are hidden.
 #[pyfunction]
-pub fn hidden_lines<'py>(
+pub(crate) fn hidden_lines<'py>(
     py: Python<'py>,
     frames: PyReadonlyArray1<'py, i64>,
     outlines: OutlineArrays<'py>,

@@ -16,7 +16,7 @@ use crate::loaded::Loaded;
 const QUALITY: u8 = 90;
 
 /// The recording as JSON, without its images, and for each of its frames the index of that of the scene.
-pub fn recorded(
+pub(crate) fn recorded(
     title: &str,
     loaded: &Loaded,
     scene: &Scene,
@@ -40,7 +40,7 @@ pub fn recorded(
 }
 
 /// The image of a frame as its pinhole camera sees it, as JPEG, and its width and height; none where it names none.
-pub fn jpeg(loaded: &Loaded, frame_index: usize) -> PyResult<Option<(Vec<u8>, [u32; 2])>> {
+pub(crate) fn jpeg(loaded: &Loaded, frame_index: usize) -> PyResult<Option<(Vec<u8>, [u32; 2])>> {
     let Some(image) = loaded.file().frames.get(frame_index).and_then(|frame| frame.image.as_ref()) else {
         return Ok(None);
     };

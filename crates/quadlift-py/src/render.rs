@@ -11,7 +11,7 @@ use crate::error::refuse;
 use crate::loaded::Loaded;
 
 /// What is drawn, and where to.
-pub struct Drawing<'a> {
+pub(crate) struct Drawing<'a> {
     pub frame: &'a str,
     pub output: &'a Path,
     pub labels: bool,
@@ -19,7 +19,7 @@ pub struct Drawing<'a> {
 }
 
 /// Draws a frame of a scene with its detections, estimates and ground truth; the ending of the file selects PNG or SVG.
-pub fn render(
+pub(crate) fn render(
     loaded: &Loaded,
     scene: &Scene,
     (estimate, truth): (Option<&SceneFile>, Option<&SceneFile>),

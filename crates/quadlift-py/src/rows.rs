@@ -7,30 +7,30 @@ use pyo3::prelude::*;
 
 /// Texts by their index; none where it is negative.
 #[derive(FromPyObject, Default)]
-pub struct Names<'py>(Option<PyReadonlyArray1<'py, i64>>, Vec<String>);
+pub(crate) struct Names<'py>(Option<PyReadonlyArray1<'py, i64>>, Vec<String>);
 
 /// Numbers of a row; none where all are NaN.
-pub fn values<const N: usize>(array: &Option<PyReadonlyArray2<f64>>, row: usize) -> Option<[f64; N]> {
+pub(crate) fn values<const N: usize>(array: &Option<PyReadonlyArray2<f64>>, row: usize) -> Option<[f64; N]> {
     let array = array.as_ref()?.as_array();
     let numbers: [f64; N] = std::array::from_fn(|k| array[[row, k]]);
     (!numbers.iter().all(|x| x.is_nan())).then_some(numbers)
 }
 
 /// The number of a row; none where it is NaN.
-pub fn value(array: &Option<PyReadonlyArray1<f64>>, row: usize) -> Option<f64> {
+pub(crate) fn value(array: &Option<PyReadonlyArray1<f64>>, row: usize) -> Option<f64> {
     Some(array.as_ref()?.as_array()[row]).filter(|x| !x.is_nan())
 }
 
 impl Names<'_> {
     /// The name of a row.
-    pub fn of_row(&self, row: usize) -> Option<&str> {
+    pub(crate) fn of_row(&self, row: usize) -> Option<&str> {
         let code = *self.0.as_ref()?.as_array().get(row)?;
         self.1.get(usize::try_from(code).ok()?).map(String::as_str)
     }
 
     /// For each row the index of its name in `known`, which is extended in the order of their first appearance. Names
     /// may repeat where none is known yet: they stand for different things then.
-    pub fn indices(&self, known: &mut Vec<String>) -> Vec<Option<u32>> {
+    pub(crate) fn indices(&self, known: &mut Vec<String>) -> Vec<Option<u32>> {
         let Names(Some(codes), names) = self else { return Vec::new() };
         let mut place = vec![None; names.len()];
         if !known.is_empty() {

@@ -22,7 +22,7 @@ const STACK: usize = 8 << 20;
 
 /// Messages to and from the working thread.
 #[derive(Default)]
-pub struct Ticker {
+pub(crate) struct Ticker {
     done: AtomicUsize,
     total: AtomicUsize,
     canceled: AtomicBool,
@@ -43,7 +43,7 @@ impl Observer for Ticker {
 
 impl Ticker {
     /// Begins a new piece of work, whose counts start from 0.
-    pub fn restart(&self) {
+    pub(crate) fn restart(&self) {
         self.done.store(0, Ordering::Relaxed);
     }
 
@@ -85,13 +85,13 @@ fn shared_pool() -> Result<Arc<ThreadPool>, String> {
 }
 
 /// Does `work` on the threads that this process shares.
-pub fn on_threads<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
+pub(crate) fn on_threads<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
     Ok(shared_pool().map_err(refuse)?.install(work))
 }
 
 /// Runs `work` on another thread, with a pool of `threads` threads if given. Meanwhile this thread calls
 /// `progress(done, total)` and checks signals: an exception in either cancels the work and is raised.
-pub fn in_background<T: Send + 'static>(
+pub(crate) fn in_background<T: Send + 'static>(
     py: Python,
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,

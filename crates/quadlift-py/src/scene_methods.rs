@@ -336,13 +336,13 @@ impl PyScene {
 
 /// The cameras that `from_frames` would refuse, and why.
 #[pyfunction]
-pub fn frame_problems(frames: FrameArrays) -> Vec<(usize, String)> {
+pub(crate) fn frame_problems(frames: FrameArrays) -> Vec<(usize, String)> {
     frames.problems().collect()
 }
 
 /// Writes a text.
 #[pyfunction]
-pub fn write_text(path: PathBuf, text: &str) -> PyResult<()> {
+pub(crate) fn write_text(path: PathBuf, text: &str) -> PyResult<()> {
     write_file(&path, |file| file.write_all(text.as_bytes())).map_err(refuse)
 }
 

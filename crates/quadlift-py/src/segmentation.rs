@@ -16,7 +16,7 @@ use crate::run::Ticker;
 /// The keywords of `segment`, as Python hands them over. Names are those of the program.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct SegmentKeywords {
+pub(crate) struct SegmentKeywords {
     method: String,
     source: Option<String>,
     out_masks: Option<PathBuf>,
@@ -25,12 +25,12 @@ pub struct SegmentKeywords {
 
 impl SegmentKeywords {
     /// Checks the method.
-    pub fn method(&self) -> PyResult<Method> {
+    pub(crate) fn method(&self) -> PyResult<Method> {
         choice("method", &self.method, &Method::ALL.map(|method| (method.name(), method)))
     }
 
     /// Segments a scene: the file with what was found, as the program writes it, and what went wrong, in words.
-    pub fn segmented(
+    pub(crate) fn segmented(
         self,
         method: Method,
         loaded: &Loaded,
@@ -75,6 +75,6 @@ impl SegmentKeywords {
 
 /// Sets how many pixels an image or mask may have.
 #[pyfunction]
-pub fn set_max_pixels(pixels: u64) {
+pub(crate) fn set_max_pixels(pixels: u64) {
     quadlift_io::images::set_max_pixels(pixels);
 }

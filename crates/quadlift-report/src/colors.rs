@@ -3,7 +3,7 @@
 use crate::data::Report;
 
 /// A color: red, green, blue.
-pub type Color = [u8; 3];
+pub(crate) type Color = [u8; 3];
 
 /// Paul Tol's bright scheme with four more colors; gray is for detections without an object.
 const PALETTE: [Color; 10] = [
@@ -19,10 +19,10 @@ const PALETTE: [Color; 10] = [
     [0x8c, 0x61, 0x3c],
 ];
 /// Detections without an object.
-pub const UNKNOWN: Color = [0x88; 3];
+pub(crate) const UNKNOWN: Color = [0x88; 3];
 
 /// The color of an object by its index.
-pub fn of_object(index: usize) -> Color {
+pub(crate) fn of_object(index: usize) -> Color {
     PALETTE[index % PALETTE.len()]
 }
 

@@ -16,7 +16,12 @@ const MOST_MASKS: usize = 5000;
 /// Adds the masks of the frames with these indices to the frames of a report; returns notes about skipped masks.
 ///
 /// Frames of cameras with lens distortion have none: their images are shown as a pinhole camera would see them.
-pub fn add_masks(scene: &Scene, images: &SceneImages, indices: &[usize], frames: &mut [ReportFrame]) -> Option<String> {
+pub(crate) fn add_masks(
+    scene: &Scene,
+    images: &SceneImages,
+    indices: &[usize],
+    frames: &mut [ReportFrame],
+) -> Option<String> {
     let detections: usize = frames.iter().map(|frame| frame.detections.object.len()).sum();
     if detections > MOST_MASKS {
         return None;

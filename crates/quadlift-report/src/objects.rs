@@ -14,7 +14,7 @@ use crate::scores::{Scores, TrueObjectScores};
 
 /// The objects of a report and their indices.
 #[derive(Debug, Default)]
-pub struct Objects {
+pub(crate) struct Objects {
     /// The objects: estimates, then objects that are only in the ground truth, then objects that were only detected.
     pub list: Vec<ReportObject>,
     /// Names of the categories.
@@ -27,7 +27,11 @@ pub struct Objects {
 impl Objects {
     /// Estimates first, then objects that are only in the ground truth, then objects that were only detected. Regions of centers
     /// end at a squared distance of `limit`.
-    pub fn gather(content: &Content, limit: f64, is_shown: impl Fn(&&Detection) -> bool) -> Result<Self, EntryError> {
+    pub(crate) fn gather(
+        content: &Content,
+        limit: f64,
+        is_shown: impl Fn(&&Detection) -> bool,
+    ) -> Result<Self, EntryError> {
         let scene = content.scene;
         let mut objects = Self::default();
         if let Some(file) = content.estimate {
@@ -133,7 +137,7 @@ impl Objects {
     }
 
     /// The scores, row by row with the object that they are of.
-    pub fn scores(&self, scores: &Scores) -> ReportScores {
+    pub(crate) fn scores(&self, scores: &Scores) -> ReportScores {
         let row = |row: &TrueObjectScores| {
             let object = self.by_true_id.get(&row.id).copied().filter(|&index| index < MOST_OBJECTS)?;
             Some(ScoreRow { object, status: row.status.clone(), values: row.values.clone() })

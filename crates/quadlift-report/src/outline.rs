@@ -12,7 +12,7 @@ const POINTS: usize = 96;
 
 /// The outline of a body.
 #[derive(Debug, Clone, Default)]
-pub struct Outline {
+pub(crate) struct Outline {
     /// Polygons that cover the body in the image: one, or the faces of a cuboid that the camera sees.
     pub faces: Vec<Vec<Vector2<f64>>>,
     /// Lines: the border, or the edges of a cuboid.
@@ -20,7 +20,7 @@ pub struct Outline {
 }
 
 /// The outline of a body; `None` if it is not entirely in front of the camera.
-pub fn outline(projection: &Projection, body: &Body) -> Option<Outline> {
+pub(crate) fn outline(projection: &Projection, body: &Body) -> Option<Outline> {
     match body {
         Body::Ellipsoid(body) => Some(closed(ellipse_points(&project_ellipsoid(projection, body).ok()?))),
         Body::Cuboid(body) => cuboid(projection, body),
@@ -30,7 +30,7 @@ pub fn outline(projection: &Projection, body: &Body) -> Option<Outline> {
 }
 
 /// Points on an ellipse, round about.
-pub fn ellipse_points(ellipse: &Ellipse) -> Vec<Vector2<f64>> {
+pub(crate) fn ellipse_points(ellipse: &Ellipse) -> Vec<Vector2<f64>> {
     let turn = rotation(ellipse.angle());
     let point = |k: usize| {
         let (sin, cos) = (TAU * k as f64 / POINTS as f64).sin_cos();
@@ -40,7 +40,7 @@ pub fn ellipse_points(ellipse: &Ellipse) -> Vec<Vector2<f64>> {
 }
 
 /// The closed polygon of the supporting lines of an outline or a turned box.
-pub fn support_polygon(lines: &SupportLines) -> Vec<Vector2<f64>> {
+pub(crate) fn support_polygon(lines: &SupportLines) -> Vec<Vector2<f64>> {
     let lines: Vec<_> = lines.lines().collect();
     let corner = |k: usize| {
         let (a, b) = (&lines[k], &lines[(k + 1) % lines.len()]);

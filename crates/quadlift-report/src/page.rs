@@ -9,7 +9,7 @@ const VIEWER: &str = include_str!("../assets/viewer.html");
 const PLACE: &str = "<script type=\"application/json\" id=\"report-data\"></script>";
 
 /// The size of a page without data, in bytes.
-pub const EMPTY_PAGE: usize = VIEWER.len();
+pub(crate) const EMPTY_PAGE: usize = VIEWER.len();
 
 /// A report as one HTML file that needs nothing else.
 ///

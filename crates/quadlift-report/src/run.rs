@@ -11,7 +11,7 @@ const CHI2_95: f64 = 7.814_727_903_251_178;
 
 /// Names and values: the settings that were made, the kind of body, the noise levels, how well held-out views are
 /// predicted.
-pub fn run_settings(run: &RunRecord) -> Vec<(String, String)> {
+pub(crate) fn run_settings(run: &RunRecord) -> Vec<(String, String)> {
     let mut settings = Vec::new();
     let mut add = |name: &str, text: String| settings.push((name.replace('_', " "), text));
     for (name, value) in run.settings.as_object().into_iter().flatten().filter(|(_, value)| !value.is_null()) {
@@ -37,7 +37,7 @@ pub fn run_settings(run: &RunRecord) -> Vec<(String, String)> {
 
 /// Overview of a run as names and values: the self-check, the noise of the boxes, the association, and how well
 /// held-out views are predicted.
-pub fn run_overview(run: &RunRecord) -> Vec<(String, String)> {
+pub(crate) fn run_overview(run: &RunRecord) -> Vec<(String, String)> {
     let mut overview = Vec::new();
     let mut say = |name: &str, text: String| overview.push((name.to_owned(), text));
     match &run.diagnosis {
@@ -87,19 +87,19 @@ fn percent(share: f64) -> String {
 }
 
 /// That the scene is inconsistent, and how to correct it.
-pub fn run_banner(run: &RunRecord) -> Option<String> {
+pub(crate) fn run_banner(run: &RunRecord) -> Option<String> {
     let words = run.diagnosis.as_ref().filter(|diagnosis| !diagnosis.consistent)?.in_words()?;
     Some(format!("The scene is inconsistent: {words}. Positions and sizes on this page are unreliable."))
 }
 
 /// The squared distance at which the region of 95 % of a center ends, in units of its covariance: as it was calibrated,
 /// else the quantile of chi-square with three degrees of freedom.
-pub fn center_limit(run: &RunRecord) -> f64 {
+pub(crate) fn center_limit(run: &RunRecord) -> f64 {
     calibrated_limit(run).unwrap_or(CHI2_95)
 }
 
 /// The meaning of the 95 % region of a center, in sentences.
-pub fn run_region(run: &RunRecord) -> String {
+pub(crate) fn run_region(run: &RunRecord) -> String {
     match (&run.calibration, calibrated_limit(run)) {
         (Some(CalibrationRecord { objects, results, .. }), Some(limit)) => format!(
             "Region of 95 %, calibrated on {objects} objects of {}: the center of the tangent body of a \
@@ -128,7 +128,7 @@ fn calibrated_limit(run: &RunRecord) -> Option<f64> {
 }
 
 /// Corrections and skipped detections, in sentences.
-pub fn run_notes(run: &RunRecord) -> Vec<String> {
+pub(crate) fn run_notes(run: &RunRecord) -> Vec<String> {
     let SkippedRecord { beyond_lens, occluded_or_truncated, without_measurement, without_object } = run.skipped;
     let skipped = [
         (without_object, "they have no object id"),

@@ -24,7 +24,7 @@ const MOST_IMAGES: usize = 1500;
 
 /// The small images of some frames.
 #[derive(Debug, Clone, Default)]
-pub struct Thumbnails {
+pub(crate) struct Thumbnails {
     /// For each frame its image as a data URL.
     pub urls: Vec<Option<String>>,
     /// For each frame width and height of its image file in pixels, if it was read.
@@ -36,7 +36,7 @@ pub struct Thumbnails {
 /// Makes the images of the frames with these indices; `budget` is their size in bytes all together.
 ///
 /// As many frames keep their images as fit; they are evenly spread.
-pub fn thumbnails(scene: &Scene, images: &SceneImages, frames: &[usize], budget: usize) -> Thumbnails {
+pub(crate) fn thumbnails(scene: &Scene, images: &SceneImages, frames: &[usize], budget: usize) -> Thumbnails {
     let with_image: Vec<usize> =
         (0..frames.len()).filter(|&k| images.images.get(frames[k]).is_some_and(Option::is_some)).collect();
     let mut result = Thumbnails { urls: vec![None; frames.len()], sizes: vec![None; frames.len()], notes: Vec::new() };
@@ -86,7 +86,7 @@ fn within_budget(urls: Vec<(usize, String)>, budget: usize) -> Vec<(usize, Strin
 }
 
 /// At most `most` indices below `total`, evenly spread.
-pub fn evenly_spread(total: usize, most: usize) -> impl Iterator<Item = usize> {
+pub(crate) fn evenly_spread(total: usize, most: usize) -> impl Iterator<Item = usize> {
     let count = total.min(most);
     (0..count).map(move |k| k * total / count)
 }

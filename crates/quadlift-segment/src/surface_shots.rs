@@ -11,11 +11,11 @@ use crate::mask::Mask;
 use crate::surface::{Patch, median};
 
 /// Pixels along each side of the simulated images, and half the angle (tangent) that they cover.
-pub const SIDE: u32 = 120;
+pub(crate) const SIDE: u32 = 120;
 const HALF_ANGLE: f64 = 0.75;
 
 /// World units of one count.
-pub const SCALE: f64 = 5e-4;
+pub(crate) const SCALE: f64 = 5e-4;
 
 /// A cuboid or an ellipsoid.
 struct Solid {
@@ -45,7 +45,7 @@ impl Solid {
 }
 
 /// A depth image of a body, its mask and box, and the true median depth of its visible surface.
-pub struct Shot {
+pub(crate) struct Shot {
     pub image: DepthImage,
     pub mask: Mask,
     pub bounding_box: BoundingBox,
@@ -56,7 +56,7 @@ pub struct Shot {
 }
 
 /// A body at the origin's place on the ground or above it, a wall behind, and in three of ten images something before a part of it.
-pub fn shot(rng: &mut ChaCha8Rng) -> Option<Shot> {
+pub(crate) fn shot(rng: &mut ChaCha8Rng) -> Option<Shot> {
     let mut uniform = |low: f64, high: f64| rng.random_range(low..high);
     let half = Vector3::from_fn(|_, _| uniform(-0.7, 0.7).exp());
     let solid = Solid {
@@ -110,18 +110,18 @@ pub fn shot(rng: &mut ChaCha8Rng) -> Option<Shot> {
     Some(Shot { image, mask, bounding_box, half_size: 0.25 * bounding_box.size().sum() / focal, truth, all })
 }
 
-pub fn patch<'a>(shot: &'a Shot, mask: Option<&'a Mask>) -> Patch<'a> {
+pub(crate) fn patch<'a>(shot: &'a Shot, mask: Option<&'a Mask>) -> Patch<'a> {
     Patch { bounding_box: shot.bounding_box, mask, image_size: [f64::from(SIDE); 2], half_size: shot.half_size }
 }
 
 /// Median, 68 %, 90 % and 95 % of errors in half sizes of the object.
-pub fn quantiles(shots: &[Shot], depth: impl Fn(&Shot) -> f64) -> [f64; 4] {
+pub(crate) fn quantiles(shots: &[Shot], depth: impl Fn(&Shot) -> f64) -> [f64; 4] {
     let error = |shot: &Shot| (depth(shot) / shot.truth - 1.0).abs() / shot.half_size;
     let mut errors: Vec<f64> = shots.iter().map(error).collect();
     errors.sort_by(f64::total_cmp);
     [0.5, 0.683, 0.9, 0.95].map(|share| errors[(share * errors.len() as f64) as usize])
 }
 
-pub fn shots() -> Vec<Shot> {
+pub(crate) fn shots() -> Vec<Shot> {
     (0..300).filter_map(|seed| shot(&mut stream(seed, 70))).collect()
 }

@@ -39,7 +39,7 @@ Examples:
 Exit codes: 0 success; 1 a file cannot be read or written, or the maps were not aligned; 2 wrong usage; 3 the maps were not aligned because
 units or `up` contradict the objects, or the detections of the merged map contradict each other (--accept-inconsistent continues)."
 )]
-pub struct Args {
+pub(crate) struct Args {
     /// The first map: a result of `quadlift localize` or `quadlift stream --map`, or a scene file with true objects
     #[arg(value_name = "A.json")]
     a: PathBuf,
@@ -95,7 +95,7 @@ impl Map {
     }
 }
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     threads::start(args.threads)?;
     if let Some(output) = &args.output {
         check_result_name(output, true)?;

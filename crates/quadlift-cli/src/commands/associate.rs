@@ -49,7 +49,7 @@ Examples:
 Exit codes: 0 success; 1 a file cannot be read or written, or there are too few detections to associate; 2 wrong usage;
 3 the scene is inconsistent, or no object was found because no detections agree."
 )]
-pub struct Args {
+pub(crate) struct Args {
     /// The scene file
     #[arg(value_name = "SCENE.json")]
     scene: PathBuf,
@@ -106,7 +106,7 @@ fn ids_by_name() -> impl TypedValueParser<Value = IdUse> {
     PossibleValuesParser::new(IdUse::NAMES).try_map(|name| name.parse::<IdUse>())
 }
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     threads::start(args.threads)?;
     let of_run = args.chosen.options()?;
     let inputs = Inputs { paths: vec![args.scene.clone()], several: false };

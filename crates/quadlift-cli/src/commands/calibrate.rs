@@ -59,7 +59,7 @@ Examples:
 Exit codes: 0 success; 1 a file cannot be read or written, or no camera was calibrated; 2 wrong usage; 3 cameras
 contradict each other."
 )]
-pub struct Args {
+pub(crate) struct Args {
     /// A scene file with `cameras`, `frames` and `detections`
     #[arg(value_name = "SCENE.json")]
     scene: PathBuf,
@@ -126,7 +126,7 @@ fn distance(text: &str) -> Result<Distance, String> {
     parts.ok_or_else(|| "expected two ids of cameras and a length above 0: CAM_A,CAM_B,LENGTH".to_owned())
 }
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     threads::start(args.threads)?;
     let inputs = Inputs { paths: vec![args.scene.clone()], several: false };
     check_result_name(&args.output, false)?;

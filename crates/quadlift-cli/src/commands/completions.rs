@@ -14,12 +14,12 @@ Examples:
   quadlift completions bash > ~/.local/share/bash-completion/completions/quadlift
   quadlift completions zsh > ~/.zfunc/_quadlift
   quadlift completions fish > ~/.config/fish/completions/quadlift.fish")]
-pub struct Args {
+pub(crate) struct Args {
     /// The shell
     shell: Shell,
 }
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut help::grouped(crate::Cli::command()), "quadlift", &mut script);
     out.product(&String::from_utf8_lossy(&script))?;

@@ -44,7 +44,7 @@ Examples:
 
 Exit codes: 0 scored; 1 a file cannot be read or the files have no object in common; 2 wrong usage."
 )]
-pub struct Args {
+pub(crate) struct Args {
     /// The result of localize or associate
     #[arg(value_name = "ESTIMATE.json")]
     estimate: PathBuf,
@@ -65,7 +65,7 @@ pub struct Args {
     report: Option<PathBuf>,
 }
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     check_report(args.report.as_ref(), &[&args.estimate, &args.truth])?;
     let estimate_file = read_scene_file(&args.estimate)?;
     let truth_file = read_scene_file(&args.truth)?;

@@ -40,7 +40,7 @@ Examples:
 Exit codes: 0 the file was written; 1 a file could not be read or written, or there was nothing to write; 2 wrong usage.";
 
 /// A format and its output.
-pub enum Args {
+pub(crate) enum Args {
     /// A row of the table.
     Of(&'static ExportFormat, Common, Given<WriteOptions>),
     /// Parquet.
@@ -51,7 +51,7 @@ pub enum Args {
 
 /// Options of every format.
 #[derive(clap::Args)]
-pub struct Common {
+pub(crate) struct Common {
     /// The scene file
     #[arg(value_name = "SCENE.json")]
     scene: PathBuf,
@@ -102,7 +102,7 @@ impl FromArgMatches for Args {
     }
 }
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     match args {
         Args::Of(format, common, given) => {
             let options = WriteOptions { scene: common.scene.clone(), ..given.options() };

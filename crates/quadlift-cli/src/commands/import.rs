@@ -1,9 +1,9 @@
 //! `quadlift import`: files of other programs become a scene file, or detections of one. A subcommand for each format, made
 //! of its row.
 
-pub mod matching;
-pub mod paths;
-pub mod words;
+pub(crate) mod matching;
+pub(crate) mod paths;
+pub(crate) mod words;
 mod cameras;
 mod detections;
 
@@ -40,7 +40,7 @@ Examples:
 Exit codes: 0 success; 1 a file could not be read or written, or no image is a frame of the scene; 2 wrong usage.";
 
 /// A format, and what is read and written.
-pub struct Args {
+pub(crate) struct Args {
     path: PathBuf,
     given: Given<ReadOptions>,
     format: Format,
@@ -103,7 +103,7 @@ impl FromArgMatches for Args {
     }
 }
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let options = args.given.options();
     match &args.format {
         Format::Cameras(format, rest) => cameras::import(format, &args.path, &options, rest, out),

@@ -37,7 +37,7 @@ Examples:
 
 Exit codes: 0 the scene is valid; 1 it is not, or it cannot be read; 2 wrong usage."
 )]
-pub struct Args {
+pub(crate) struct Args {
     /// The scene file
     #[arg(value_name = "SCENE.json")]
     scene: PathBuf,
@@ -105,7 +105,7 @@ struct Source {
     objects_seen_once: Vec<String>,
 }
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let input = read_input(&args.scene, &args.corrections.list()?)?;
     let (file, scene) = (&*input.file, input.scene());
     // The objects of the file are checked as well: the evaluation reads them.

@@ -24,11 +24,11 @@ use crate::report::{check_report, report_paths};
 use crate::threads;
 use crate::words::count;
 
-pub use args::{Args, with_requirements};
+pub(crate) use args::{Args, with_requirements};
 use calibration::read_calibration;
 use one_scene::{SceneDocument, one_scene};
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     threads::start(args.threads)?;
     args.output.as_deref().map_or(Ok(()), |output| check_result_name(output, true))?;
     let mut options = args.options()?;

@@ -51,7 +51,7 @@ Examples:
 Exit codes: 0 success; 1 a file cannot be read or written, the map has no objects, or no frame was located; 2 wrong usage;
 3 the images do not fit the map: another image size, focal length or format of boxes explains them clearly better."
 )]
-pub struct Args {
+pub(crate) struct Args {
     /// The map: a result of `quadlift localize` or `quadlift stream --map`, or a scene file with true objects
     #[arg(value_name = "MAP.json")]
     map_file: PathBuf,
@@ -111,7 +111,7 @@ fn height(text: &str) -> Result<[f64; 2], String> {
     numbers.ok_or_else(|| "expected two numbers HEIGHT,SD, the second one above 0".to_owned())
 }
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     threads::start(args.threads)?;
     let inputs = Inputs { paths: vec![args.query.clone()], several: false };
     check_result_name(&args.output, false)?;

@@ -13,13 +13,13 @@ use crate::output::Output;
 Examples:
   quadlift man > quadlift.1
   quadlift man localize > quadlift-localize.1")]
-pub struct Args {
+pub(crate) struct Args {
     /// The command; without it the page of the program
     #[arg(value_name = "COMMAND")]
     command: Option<String>,
 }
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let mut command = help::grouped(crate::Cli::command());
     command.build();
     if let Some(name) = &args.command {

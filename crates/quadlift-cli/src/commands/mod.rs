@@ -1,19 +1,19 @@
 //! The subcommands, one file each.
 
-pub mod align;
-pub mod associate;
-pub mod calibrate;
-pub mod completions;
-pub mod evaluate;
-pub mod export;
-pub mod import;
-pub mod info;
-pub mod localize;
-pub mod demo;
-pub mod locate;
-pub mod man;
-pub mod render;
-pub mod segment;
-pub mod stream;
-pub mod synth;
-pub mod view;
+pub(crate) mod align;
+pub(crate) mod associate;
+pub(crate) mod calibrate;
+pub(crate) mod completions;
+pub(crate) mod evaluate;
+pub(crate) mod export;
+pub(crate) mod import;
+pub(crate) mod info;
+pub(crate) mod localize;
+pub(crate) mod demo;
+pub(crate) mod locate;
+pub(crate) mod man;
+pub(crate) mod render;
+pub(crate) mod segment;
+pub(crate) mod stream;
+pub(crate) mod synth;
+pub(crate) mod view;

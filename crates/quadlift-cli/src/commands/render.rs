@@ -31,7 +31,7 @@ Examples:
 
 Exit codes: 0 success; 1 a file or an image cannot be read; 2 wrong usage."
 )]
-pub struct Args {
+pub(crate) struct Args {
     /// A scene, and files with its estimates and its ground truth
     #[arg(required = true, value_name = "SCENE.json")]
     files: Vec<PathBuf>,
@@ -53,7 +53,7 @@ pub struct Args {
     source: Option<String>,
 }
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let is_svg = match ending(&args.output).as_deref() {
         Some("svg") => true,
         Some("png") => false,

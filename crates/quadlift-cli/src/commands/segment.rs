@@ -57,7 +57,7 @@ Examples:
 Exit codes: 0 success; 1 at least one detection could not be segmented, or none; 2 wrong usage; 3 the scene is
 inconsistent (its masks are written anyway)."
 )]
-pub struct Args {
+pub(crate) struct Args {
     /// The scene file; its frames must name their images, or --images a video
     #[arg(value_name = "SCENE.json")]
     scene: PathBuf,
@@ -110,7 +110,7 @@ fn method(text: &str) -> Result<Method, String> {
     method.ok_or_else(|| "expected graphcut, sca or masks".to_owned())
 }
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     threads::start(args.threads)?;
     let of_run = args.chosen.options()?;
     let inputs = Inputs { paths: vec![args.scene.clone()], several: false };

@@ -60,7 +60,7 @@ once.
 
 Exit codes: 0 the stream has ended; 1 a file cannot be read or written, or --strict and a line is wrong; 2 wrong usage."
 )]
-pub struct Args {
+pub(crate) struct Args {
     /// Frames: - for JSON Lines on the standard input (default), a file of such lines, a scene file (.json), or a log in MCAP
     #[arg(value_name = "INPUT")]
     input: Option<PathBuf>,
@@ -199,7 +199,7 @@ impl Args {
     }
 }
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     threads::start(args.threads)?;
     args.check_outputs()?;
     let options = args.options()?;

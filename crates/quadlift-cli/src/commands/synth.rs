@@ -84,7 +84,7 @@ Examples:
   quadlift synth -o boxes.json --truth truth.json --no-ids --cube 40 --noise box:0.05 --misses 0.2 --false-boxes 0.15
   quadlift localize scene.json -o estimate.json && quadlift evaluate estimate.json scene.json"
 )]
-pub struct Args {
+pub(crate) struct Args {
     /// The scene file to write
     #[arg(short, long, value_name = "SCENE.json")]
     output: PathBuf,
@@ -336,7 +336,7 @@ fn kind(text: &str) -> Result<ObjectKind, String> {
     })
 }
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     if let Some(walkers) = args.walkers {
         return hall::run(args, walkers, out);
     }

@@ -26,7 +26,7 @@ Examples:
 
 Exit codes: 0 success; 1 a file cannot be read or the browser cannot be opened; 2 wrong usage."
 )]
-pub struct Args {
+pub(crate) struct Args {
     /// A scene, and files with its estimates and its ground truth
     #[arg(required = true, value_name = "SCENE.json")]
     files: Vec<PathBuf>,
@@ -36,7 +36,7 @@ pub struct Args {
     no_browser: bool,
 }
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let gathered = Gathered::read(&args.files)?;
     let page = temporary_page(&args.files[0])?;
     gathered.write_report_with_scores(&page)?;

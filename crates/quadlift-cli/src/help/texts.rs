@@ -1,7 +1,7 @@
 //! The short texts of options in `-h`, with their headings and placeholders. Long texts are where the options are declared.
 
 /// An option or argument in the help.
-pub struct Text {
+pub(super) struct Text {
     /// The command that it belongs to; empty for all that have it.
     pub command: &'static str,
     /// The name of the argument in clap.
@@ -27,7 +27,7 @@ const RUN: &str = "Run";
 const RESEARCH: &str = "Research";
 
 /// All headings in the order of the help. Options without one come first.
-pub const HEADINGS: [&str; 16] = [
+pub(super) const HEADINGS: [&str; 16] = [
     INPUT,
     SCENE,
     "Detector",
@@ -47,7 +47,7 @@ pub const HEADINGS: [&str; 16] = [
 ];
 
 /// Options of `localize` in its `-h`; the others are in `--help`.
-pub const USUAL: [&str; 25] = [
+pub(super) const USUAL: [&str; 25] = [
     "scenes",
     "cameras",
     "detections",
@@ -76,7 +76,7 @@ pub const USUAL: [&str; 25] = [
 ];
 
 /// Options of `localize` that its help leaves to that of `quadlift import FORMAT`, and those for research: they are usable.
-pub const HIDDEN: [&str; 25] = [
+pub(super) const HIDDEN: [&str; 25] = [
     "method",
     "reg_weight",
     "annotations",
@@ -116,7 +116,7 @@ const fn of(
 }
 
 /// The texts. Those of a command come before those of all.
-pub const TEXTS: &[Text] = &[
+pub(super) const TEXTS: &[Text] = &[
     of("segment", "scene", "", "SCENE", "Scene file whose frames name their images"),
     of("segment", "method", MODEL, "graphcut|sca|masks", "Choose the segmentation method"),
     of("segment", "images", INPUT, "FILE", "Take the images from this video"),

@@ -909,7 +909,7 @@ fn document() -> String {
 const SNAPSHOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/program/snapshots/bad_inputs.txt");
 
 /// The row of an input error in the snapshot, without its exit code.
-pub fn row(title: &str) -> String {
+pub(crate) fn row(title: &str) -> String {
     let rows = std::fs::read_to_string(SNAPSHOT).unwrap().replace("\r\n", "\n");
     let row = rows.lines().find_map(|line| line.strip_prefix(&format!("| {title} | ")));
     let row = row.unwrap_or_else(|| panic!("no input error has the title {title}"));

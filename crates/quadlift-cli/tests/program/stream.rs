@@ -8,7 +8,7 @@ use crate::common::Folder;
 use serde_json::{Value, json};
 
 /// A scene of six objects whose detections have no ids, with its truth, and the same as lines.
-pub fn folder_with_stream() -> Folder {
+pub(crate) fn folder_with_stream() -> Folder {
     let folder = Folder::new();
     folder
         .succeed("synth -q -o scene.json --truth truth.json --no-ids --objects 6 --views 20 --seed 2 --noise box:0.03");
@@ -25,7 +25,7 @@ pub fn folder_with_stream() -> Folder {
 }
 
 /// The lines of a scene: one with the cameras, and one for each frame.
-pub fn lines_of(scene: &Value) -> Vec<String> {
+pub(crate) fn lines_of(scene: &Value) -> Vec<String> {
     let about = json!({"name": scene["name"], "up": scene["up"], "cameras": scene["cameras"]});
     let mut lines = vec![format!("{about}\n")];
     for (index, frame) in scene["frames"].as_array().unwrap().iter().enumerate() {
@@ -49,7 +49,7 @@ fn program(folder: &Folder, arguments: &str) -> Command {
 }
 
 /// Runs the program with a text on its standard input; gives its output and exit code.
-pub fn stream(folder: &Folder, arguments: &str, input: &str) -> (Vec<Value>, i32, String) {
+pub(crate) fn stream(folder: &Folder, arguments: &str, input: &str) -> (Vec<Value>, i32, String) {
     let mut child = program(folder, arguments).spawn().unwrap();
     let mut to_child = child.stdin.take().unwrap();
     let input = input.to_owned();

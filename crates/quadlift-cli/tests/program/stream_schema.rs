@@ -69,7 +69,7 @@ fn violation(root: &Value, schema: &Value, value: &Value, place: &str) -> Option
 }
 
 /// The first thing that the schema forbids in a line.
-pub fn forbidden(kind: &str, line: &Value) -> Option<String> {
+pub(crate) fn forbidden(kind: &str, line: &Value) -> Option<String> {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/formats/stream.schema.json");
     let schema: Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
     violation(&schema, &schema["$defs"][kind], line, kind)

@@ -33,7 +33,7 @@ pub fn read_image(path: &Path) -> Result<RgbImage, ReadError> {
 }
 
 /// [`read_image`] with a check of the image size.
-pub fn read_image_of_size(path: &Path, check: SizeCheck) -> Result<RgbImage, ReadError> {
+pub(crate) fn read_image_of_size(path: &Path, check: SizeCheck) -> Result<RgbImage, ReadError> {
     let bytes = read_image_bytes(path)?;
     let format = format(path, &bytes)?;
     if format == ImageFormat::Jpeg && !has_end_of_jpeg(&bytes) {
@@ -86,7 +86,7 @@ pub fn read_label_image(path: &Path) -> Result<LabelImage, ReadError> {
 }
 
 /// [`read_label_image`] with a check of the image size.
-pub fn read_label_image_of_size(path: &Path, check: SizeCheck) -> Result<LabelImage, ReadError> {
+pub(crate) fn read_label_image_of_size(path: &Path, check: SizeCheck) -> Result<LabelImage, ReadError> {
     let expected = "this is a JPEG image, whose lossy compression changes mask values; expected a PNG image";
     let ([width, height], values) = read_values(path, check, expected, |_, _| Ok(()))?;
     LabelImage::new(width, height, values).map_err(|error| ReadError::new(path, error.to_string()))
@@ -96,7 +96,7 @@ pub fn read_label_image_of_size(path: &Path, check: SizeCheck) -> Result<LabelIm
 ///
 /// # Errors
 /// [`ReadError`] as [`read_image`]; also for JPEG, for colors, and for 8 bits, which are too few for depths.
-pub fn read_depth_image_of_size(path: &Path, scale: f64, check: SizeCheck) -> Result<DepthImage, ReadError> {
+pub(crate) fn read_depth_image_of_size(path: &Path, scale: f64, check: SizeCheck) -> Result<DepthImage, ReadError> {
     let expected = "this is a JPEG image, which cannot hold depths; expected a PNG image in greyscale with 16 bits";
     let is_depth = |depth: png::BitDepth, color: png::ColorType| match (depth, color) {
         (png::BitDepth::Sixteen, png::ColorType::Grayscale) => Ok(()),

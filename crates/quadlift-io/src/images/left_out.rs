@@ -13,22 +13,22 @@ fn left_out<T>(path: &Path) -> Result<T, ReadError> {
     Err(ReadError::left_out(path, "PNG and JPEG images", "images"))
 }
 
-pub fn read_image_of_size(path: &Path, _: SizeCheck) -> Result<RgbImage, ReadError> {
+pub(crate) fn read_image_of_size(path: &Path, _: SizeCheck) -> Result<RgbImage, ReadError> {
     left_out(path)
 }
 
-pub fn read_image_size(path: &Path) -> Result<[u32; 2], ReadError> {
+pub(crate) fn read_image_size(path: &Path) -> Result<[u32; 2], ReadError> {
     left_out(path)
 }
 
-pub fn read_label_image_of_size(path: &Path, _: SizeCheck) -> Result<LabelImage, ReadError> {
+pub(crate) fn read_label_image_of_size(path: &Path, _: SizeCheck) -> Result<LabelImage, ReadError> {
     left_out(path)
 }
 
-pub fn read_depth_image_of_size(path: &Path, _: f64, _: SizeCheck) -> Result<DepthImage, ReadError> {
+pub(crate) fn read_depth_image_of_size(path: &Path, _: f64, _: SizeCheck) -> Result<DepthImage, ReadError> {
     left_out(path)
 }
 
-pub fn write_label_image(path: &Path, _: &LabelImage) -> Result<(), WriteError> {
+pub(crate) fn write_label_image(path: &Path, _: &LabelImage) -> Result<(), WriteError> {
     Err(WriteError::new(path, ReadError::left_out(path, "PNG and JPEG images", "images").problem))
 }

@@ -11,7 +11,7 @@ const DEEPEST: usize = 32;
 ///
 /// # Errors
 /// A text that names the field.
-pub fn decode(definitions: &Definitions, data: &[u8]) -> Result<Value, String> {
+pub(super) fn decode(definitions: &Definitions, data: &[u8]) -> Result<Value, String> {
     let [_, kind, _, _] =
         *data.first_chunk::<4>().ok_or_else(|| format!("the message has {} bytes; expected 4 or more", data.len()))?;
     let (is_big, largest) = match kind {

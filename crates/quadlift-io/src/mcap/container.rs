@@ -9,24 +9,24 @@ use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::Arc;
 
 /// The first and the last bytes of every file.
-pub const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
+pub(super) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 
 /// The largest chunk or message that is read, in bytes. Recorders make chunks of a few megabytes.
 const LARGEST_CHUNK: u64 = 1 << 28;
 
 /// Opcodes of the records that are read or written.
 pub(super) mod opcode {
-    pub const HEADER: u8 = 0x01;
-    pub const FOOTER: u8 = 0x02;
-    pub const SCHEMA: u8 = 0x03;
-    pub const CHANNEL: u8 = 0x04;
-    pub const MESSAGE: u8 = 0x05;
-    pub const CHUNK: u8 = 0x06;
-    pub const MESSAGE_INDEX: u8 = 0x07;
-    pub const CHUNK_INDEX: u8 = 0x08;
-    pub const STATISTICS: u8 = 0x0B;
-    pub const DATA_END: u8 = 0x0F;
-    pub const SUMMARY_OFFSET: u8 = 0x0E;
+    pub(crate) const HEADER: u8 = 0x01;
+    pub(crate) const FOOTER: u8 = 0x02;
+    pub(crate) const SCHEMA: u8 = 0x03;
+    pub(crate) const CHANNEL: u8 = 0x04;
+    pub(crate) const MESSAGE: u8 = 0x05;
+    pub(crate) const CHUNK: u8 = 0x06;
+    pub(crate) const MESSAGE_INDEX: u8 = 0x07;
+    pub(crate) const CHUNK_INDEX: u8 = 0x08;
+    pub(crate) const STATISTICS: u8 = 0x0B;
+    pub(crate) const DATA_END: u8 = 0x0F;
+    pub(crate) const SUMMARY_OFFSET: u8 = 0x0E;
 }
 
 /// Where a record is.
@@ -72,7 +72,7 @@ impl fmt::Display for Problem {
 
 /// The definition of a type of messages.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct SchemaRecord {
+pub(super) struct SchemaRecord {
     /// Its name, such as `sensor_msgs/msg/CameraInfo`.
     pub name: String,
     /// What the definition is written in, such as `ros2msg`.
@@ -83,7 +83,7 @@ pub struct SchemaRecord {
 
 /// A topic.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Channel {
+pub(super) struct Channel {
     /// The number by which messages name it.
     pub id: u16,
     /// Its name.
@@ -96,7 +96,7 @@ pub struct Channel {
 
 /// A message.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Message {
+pub(super) struct Message {
     /// The topic.
     pub channel: Arc<Channel>,
     /// Where it is.
@@ -109,7 +109,7 @@ pub struct Message {
 
 /// What comes next in a log.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Item {
+pub(super) enum Item {
     /// A message of a channel that is wanted.
     Message(Message),
     /// Something that cannot be used.
@@ -117,10 +117,10 @@ pub enum Item {
 }
 
 /// Whether the messages of a channel are wanted.
-pub type Filter = Box<dyn FnMut(&Channel) -> bool + Send>;
+pub(super) type Filter = Box<dyn FnMut(&Channel) -> bool + Send>;
 
 /// Reads the records of a log.
-pub struct LogReader<R> {
+pub(super) struct LogReader<R> {
     input: R,
     /// Of the next record.
     offset: u64,
@@ -150,7 +150,7 @@ struct Chunk {
 
 impl<R: Read + Seek> LogReader<R> {
     /// Reads from the beginning. The error is a text if this is no MCAP file.
-    pub fn new(mut input: R, filter: Filter) -> io::Result<Result<Self, String>> {
+    pub(super) fn new(mut input: R, filter: Filter) -> io::Result<Result<Self, String>> {
         let length = input.seek(SeekFrom::End(0))?;
         input.seek(SeekFrom::Start(0))?;
         let mut magic = Vec::new();
@@ -187,7 +187,7 @@ impl<R: Read + Seek> LogReader<R> {
     }
 
     /// The channels so far, with the numbers of their messages.
-    pub fn channels(&self) -> impl Iterator<Item = (&Channel, u64)> {
+    pub(super) fn channels(&self) -> impl Iterator<Item = (&Channel, u64)> {
         self.channels.values().map(|known| (&*known.channel, known.messages))
     }
 
@@ -195,7 +195,7 @@ impl<R: Read + Seek> LogReader<R> {
     ///
     /// # Errors
     /// What the system says.
-    pub fn next_item(&mut self) -> io::Result<Option<Item>> {
+    pub(super) fn next_item(&mut self) -> io::Result<Option<Item>> {
         loop {
             if let Some(mut chunk) = self.chunk.take() {
                 if let Some(item) = self.in_chunk(&mut chunk) {

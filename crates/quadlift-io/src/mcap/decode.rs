@@ -13,7 +13,7 @@ const DEEPEST: usize = 32;
 
 /// How the messages of a channel are read.
 #[derive(Debug)]
-pub enum Decoder {
+pub(super) enum Decoder {
     Cdr(Definitions),
     Json,
     Protobuf(Descriptors),
@@ -24,7 +24,7 @@ impl Decoder {
     ///
     /// # Errors
     /// A text that names encodings or parts of the schema that are not supported.
-    pub fn new(channel: &Channel) -> Result<Self, String> {
+    pub(super) fn new(channel: &Channel) -> Result<Self, String> {
         let Some(schema) = &channel.schema else {
             return Err("it has no schema: its messages cannot be read".to_owned());
         };
@@ -54,7 +54,7 @@ impl Decoder {
     ///
     /// # Errors
     /// A text that names the field.
-    pub fn decode(&self, data: &[u8]) -> Result<Value, String> {
+    pub(super) fn decode(&self, data: &[u8]) -> Result<Value, String> {
         match self {
             Self::Cdr(definitions) => cdr::decode(definitions, data),
             Self::Protobuf(descriptors) => descriptors.decode(data),
@@ -89,13 +89,13 @@ fn from_json(value: serde_json::Value, depth: usize) -> Result<Value, String> {
 
 /// The decoders of the channels, which are made once.
 #[derive(Debug, Default)]
-pub struct Decoders {
+pub(super) struct Decoders {
     by_channel: BTreeMap<u16, (std::sync::Arc<Channel>, Result<Decoder, String>)>,
 }
 
 impl Decoders {
     /// The decoder of a channel, and whether it is asked for the first time.
-    pub fn of(&mut self, channel: &std::sync::Arc<Channel>) -> (Result<&Decoder, &String>, bool) {
+    pub(super) fn of(&mut self, channel: &std::sync::Arc<Channel>) -> (Result<&Decoder, &String>, bool) {
         let is_new = self.by_channel.get(&channel.id).is_none_or(|(known, _)| known != channel);
         if is_new {
             self.by_channel.insert(channel.id, (channel.clone(), Decoder::new(channel)));

@@ -30,7 +30,7 @@ pub enum Kind {
 }
 
 /// What a type of messages gives; `None` for all others.
-pub fn kind_of(schema: &str) -> Option<Kind> {
+pub(super) fn kind_of(schema: &str) -> Option<Kind> {
     let name = schema.replace("/msg/", "/").replace("foxglove_msgs/", "foxglove.");
     Some(match &*name {
         "sensor_msgs/CameraInfo" | "foxglove.CameraCalibration" => Kind::Calibration,
@@ -56,7 +56,7 @@ fn header(message: &At) -> Result<(i64, String), String> {
 }
 
 /// The name of a frame; ROS 1 had a slash before it.
-pub fn frame_name(name: &str) -> String {
+pub(super) fn frame_name(name: &str) -> String {
     name.strip_prefix('/').unwrap_or(name).to_owned()
 }
 
@@ -104,7 +104,7 @@ pub struct Transform {
 }
 
 /// The transforms of a message, in its order; those that cannot be read are errors.
-pub fn transforms(message: &Value) -> Result<Vec<Result<Transform, String>>, String> {
+pub(super) fn transforms(message: &Value) -> Result<Vec<Result<Transform, String>>, String> {
     let root = At::root(message);
     let one = |entry: &At| {
         let inner = entry.optional(&["transform"]);
@@ -125,7 +125,7 @@ pub fn transforms(message: &Value) -> Result<Vec<Result<Transform, String>>, Str
 }
 
 /// A pose in a frame, and the frame whose pose it is (of odometry).
-pub fn pose(message: &Value) -> Result<Transform, String> {
+pub(super) fn pose(message: &Value) -> Result<Transform, String> {
     let root = At::root(message);
     let (stamp, parent) = header(&root)?;
     let child = root.optional(&["child_frame_id"]).map(|name| name.text().map(frame_name)).transpose()?;
@@ -153,7 +153,7 @@ pub struct Calibration {
 
 /// Which image the pixels of detections belong to.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct CameraOptions {
+pub(super) struct CameraOptions {
     /// The rectified image (matrices `P` and `R`) instead of the raw one (`K` and `D`).
     pub rectified: bool,
     /// Origin of the pixel coordinates.
@@ -161,7 +161,7 @@ pub struct CameraOptions {
 }
 
 /// The camera of a calibration message.
-pub fn calibration(message: &Value, options: CameraOptions) -> Result<Calibration, String> {
+pub(super) fn calibration(message: &Value, options: CameraOptions) -> Result<Calibration, String> {
     let root = At::root(message);
     let (stamp, frame) = header(&root)?;
     let size = [root.field(&["width"])?.number()?, root.field(&["height"])?.number()?];
@@ -260,7 +260,7 @@ fn distortion(name: &str, d: &[f64]) -> Result<(CameraModel, Vec<f64>), String> 
 
 /// Detections of one image.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Detections {
+pub(super) struct Detections {
     /// Nanoseconds.
     pub stamp: i64,
     /// The frame of the camera; empty if the message does not say it.
@@ -272,7 +272,7 @@ pub struct Detections {
 }
 
 /// The boxes of a `vision_msgs/Detection2DArray`, of any version.
-pub fn detections(message: &Value) -> Result<Detections, String> {
+pub(super) fn detections(message: &Value) -> Result<Detections, String> {
     let root = At::root(message);
     let (stamp, mut frame) = header(&root)?;
     let (mut detections, mut problems) = (Vec::new(), Vec::new());
@@ -350,7 +350,7 @@ const METADATA: [&[&str]; 3] = [
 /// The boxes of a `foxglove.ImageAnnotations`: closed lines with four corners whose sides are horizontal and vertical. The
 /// category is that of its metadata, or the text that stands nearest to its upper left corner, within half the box. `None` if the
 /// message is empty, and so has no time.
-pub fn annotations(message: &Value) -> Result<Option<Detections>, String> {
+pub(super) fn annotations(message: &Value) -> Result<Option<Detections>, String> {
     let root = At::root(message);
     let mut texts = Vec::new();
     if let Some(list) = root.optional(&["texts"]) {
@@ -430,7 +430,7 @@ fn annotated_box(entry: &At, texts: &[([f64; 2], String)]) -> Result<Option<Dete
 }
 
 /// A compressed image: its time, its frame, its format and its bytes.
-pub struct CompressedImage<'a> {
+pub(super) struct CompressedImage<'a> {
     pub stamp: i64,
     pub frame: String,
     pub format: String,
@@ -438,7 +438,7 @@ pub struct CompressedImage<'a> {
 }
 
 /// The image of a message.
-pub fn compressed_image(message: &Value) -> Result<CompressedImage<'_>, String> {
+pub(super) fn compressed_image(message: &Value) -> Result<CompressedImage<'_>, String> {
     let root = At::root(message);
     let (stamp, frame) = header(&root)?;
     let Value::Struct(fields) = message else { return Err("expected fields".to_owned()) };

@@ -10,7 +10,7 @@ const DEEPEST: usize = 32;
 
 /// The types of a descriptor.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Descriptors {
+pub(super) struct Descriptors {
     messages: Vec<BTreeMap<u64, Field>>,
 }
 
@@ -81,23 +81,23 @@ impl<'a> Fields<'a> {
 
 /// Numbers of the types in a descriptor.
 mod kind {
-    pub const DOUBLE: u64 = 1;
-    pub const FLOAT: u64 = 2;
-    pub const INT64: u64 = 3;
-    pub const UINT64: u64 = 4;
-    pub const INT32: u64 = 5;
-    pub const FIXED64: u64 = 6;
-    pub const FIXED32: u64 = 7;
-    pub const BOOL: u64 = 8;
-    pub const STRING: u64 = 9;
-    pub const MESSAGE: u64 = 11;
-    pub const BYTES: u64 = 12;
-    pub const UINT32: u64 = 13;
-    pub const ENUM: u64 = 14;
-    pub const SFIXED32: u64 = 15;
-    pub const SFIXED64: u64 = 16;
-    pub const SINT32: u64 = 17;
-    pub const SINT64: u64 = 18;
+    pub(super) const DOUBLE: u64 = 1;
+    pub(super) const FLOAT: u64 = 2;
+    pub(super) const INT64: u64 = 3;
+    pub(super) const UINT64: u64 = 4;
+    pub(super) const INT32: u64 = 5;
+    pub(super) const FIXED64: u64 = 6;
+    pub(super) const FIXED32: u64 = 7;
+    pub(super) const BOOL: u64 = 8;
+    pub(super) const STRING: u64 = 9;
+    pub(super) const MESSAGE: u64 = 11;
+    pub(super) const BYTES: u64 = 12;
+    pub(super) const UINT32: u64 = 13;
+    pub(super) const ENUM: u64 = 14;
+    pub(super) const SFIXED32: u64 = 15;
+    pub(super) const SFIXED64: u64 = 16;
+    pub(super) const SINT32: u64 = 17;
+    pub(super) const SINT64: u64 = 18;
 }
 
 impl Descriptors {
@@ -105,7 +105,7 @@ impl Descriptors {
     ///
     /// # Errors
     /// A text that says what is missing.
-    pub fn new(name: &str, set: &[u8]) -> Result<Self, String> {
+    pub(super) fn new(name: &str, set: &[u8]) -> Result<Self, String> {
         let damaged = |_| "the schema is no valid FileDescriptorSet".to_owned();
         let mut raw = BTreeMap::new();
         let mut files = Fields(set);
@@ -154,7 +154,7 @@ impl Descriptors {
     ///
     /// # Errors
     /// A text that names the field.
-    pub fn decode(&self, data: &[u8]) -> Result<Value, String> {
+    pub(super) fn decode(&self, data: &[u8]) -> Result<Value, String> {
         let mut values_left = 64 * (data.len() + 64);
         self.message(0, data, 0, &mut values_left)
     }

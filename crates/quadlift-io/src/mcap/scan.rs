@@ -65,7 +65,7 @@ impl Overview {
 
 /// The camera of a message: by its frame, and where that is not enough by the name of the topic; and whether its frame tells.
 /// `calibrations` is the number of topics of calibrations that are used.
-pub fn camera_of(
+pub(super) fn camera_of(
     cameras: &[LogCamera],
     calibrations: usize,
     topic: &str,
@@ -165,7 +165,7 @@ pub struct LogCalibration {
 }
 
 /// Why a log cannot be used.
-pub enum ScanError {
+pub(super) enum ScanError {
     /// What the system says.
     Io(io::Error),
     /// The first problem, if none is accepted.
@@ -201,7 +201,7 @@ struct Scan {
 }
 
 /// Reads a log for the first time.
-pub fn scan<R: Read + Seek>(input: R, options: &McapOptions) -> Result<Overview, ScanError> {
+pub(super) fn scan<R: Read + Seek>(input: R, options: &McapOptions) -> Result<Overview, ScanError> {
     let is_wanted = |channel: &super::container::Channel| {
         let kind = channel.schema.as_ref().and_then(|schema| kind_of(&schema.name));
         kind.is_some_and(|kind| !matches!(kind, Kind::CompressedImage | Kind::Bodies))
@@ -467,7 +467,7 @@ fn chosen_cameras(
 }
 
 /// Whether the transforms of a topic hold at every time.
-pub fn is_static(topic: &str) -> bool {
+pub(super) fn is_static(topic: &str) -> bool {
     topic.ends_with("tf_static")
 }
 

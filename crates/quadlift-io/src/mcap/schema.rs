@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 /// A type whose values are not divided further.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Primitive {
+pub(super) enum Primitive {
     Bool,
     I8,
     U8,
@@ -25,7 +25,7 @@ pub enum Primitive {
 
 /// The type of a field.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Kind {
+pub(super) enum Kind {
     Primitive(Primitive),
     /// Another message, by its index.
     Message(usize),
@@ -33,7 +33,7 @@ pub enum Kind {
 
 /// How many values a field has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Count {
+pub(super) enum Count {
     One,
     /// So many.
     Array(usize),
@@ -43,7 +43,7 @@ pub enum Count {
 
 /// A field of a message.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Field {
+pub(super) struct Field {
     pub name: Arc<str>,
     pub kind: Kind,
     pub count: Count,
@@ -51,7 +51,7 @@ pub struct Field {
 
 /// A type of messages with those that it consists of; the first one is the type itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Definitions {
+pub(super) struct Definitions {
     pub messages: Vec<Vec<Field>>,
 }
 
@@ -71,7 +71,7 @@ fn short_name(name: &str) -> String {
 ///
 /// # Errors
 /// A text that says what was found and what was expected.
-pub fn parse_ros2msg(name: &str, text: &str) -> Result<Definitions, String> {
+pub(super) fn parse_ros2msg(name: &str, text: &str) -> Result<Definitions, String> {
     let name = short_name(name);
     let mut raw: BTreeMap<String, Vec<RawField>> = BTreeMap::new();
     let mut current = name.clone();
@@ -183,7 +183,7 @@ fn resolve(name: &str, raw: &BTreeMap<String, Vec<RawField>>) -> Result<Definiti
 ///
 /// # Errors
 /// A text that says what was found and what was expected.
-pub fn parse_ros2idl(name: &str, text: &str) -> Result<Definitions, String> {
+pub(super) fn parse_ros2idl(name: &str, text: &str) -> Result<Definitions, String> {
     let mut parser = Idl { tokens: tokens(text), at: 0, raw: BTreeMap::new(), aliases: BTreeMap::new() };
     parser.definitions(&mut Vec::new())?;
     resolve(&short_name(name), &parser.raw)

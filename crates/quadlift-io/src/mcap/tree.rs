@@ -14,11 +14,11 @@ const MOST_KEPT: usize = 100_000;
 /// How long a link of a log keeps transforms, in nanoseconds.
 const KEPT: i64 = 30 * SECOND;
 /// A second in nanoseconds.
-pub const SECOND: i64 = 1_000_000_000;
+pub(super) const SECOND: i64 = 1_000_000_000;
 
 /// The tree of frames.
 #[derive(Debug)]
-pub struct Tree {
+pub(super) struct Tree {
     links: BTreeMap<String, Link>,
     /// How long a link keeps transforms, in nanoseconds.
     kept: i64,
@@ -47,7 +47,7 @@ enum Transforms {
 
 /// How far poses may be from the transforms.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limits {
+pub(super) struct Limits {
     /// Largest time to the nearest transform where there is none on the other side, nanoseconds.
     pub tolerance: i64,
     /// Longest time between two transforms that is interpolated, nanoseconds.
@@ -56,7 +56,7 @@ pub struct Limits {
 
 /// Why there is no pose.
 #[derive(Debug, Clone, PartialEq)]
-pub struct NoPose {
+pub(super) struct NoPose {
     pub problem: String,
     /// Whether later transforms may change that.
     pub may_come: bool,
@@ -66,7 +66,7 @@ pub struct NoPose {
 
 /// A pose, and how it was found.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pose {
+pub(super) struct Pose {
     /// Maps points of the source to points of the target.
     pub target_from_source: Isometry3<f64>,
     /// How the least certain link was found.
@@ -75,7 +75,7 @@ pub struct Pose {
 
 /// How a transform was found, from the best to the worst.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum How {
+pub(super) enum How {
     /// There is one for this time.
     Exact,
     /// Between two that are so many nanoseconds apart.
@@ -85,7 +85,7 @@ pub enum How {
 }
 
 /// A time for people.
-pub struct Seconds(pub i64);
+pub(super) struct Seconds(pub i64);
 
 impl fmt::Display for Seconds {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -96,7 +96,7 @@ impl fmt::Display for Seconds {
 }
 
 /// A duration for people: in seconds, with three digits.
-pub fn duration(nanoseconds: i64) -> String {
+pub(super) fn duration(nanoseconds: i64) -> String {
     let seconds = nanoseconds as f64 * 1e-9;
     let digits = if seconds.abs() >= 100.0 {
         0
@@ -112,7 +112,7 @@ pub fn duration(nanoseconds: i64) -> String {
 
 impl Tree {
     /// An empty tree whose links keep the transforms of so many nanoseconds.
-    pub fn keeping(kept: i64) -> Self {
+    pub(super) fn keeping(kept: i64) -> Self {
         Self { links: BTreeMap::new(), kept }
     }
 
@@ -120,7 +120,7 @@ impl Tree {
     ///
     /// # Errors
     /// A text if the child has another parent, or if there are too many frames.
-    pub fn insert(&mut self, transform: Transform, is_fixed: bool) -> Result<(), String> {
+    pub(super) fn insert(&mut self, transform: Transform, is_fixed: bool) -> Result<(), String> {
         let Transform { stamp, parent, child, parent_from_child } = transform;
         if let Some(link) = self.links.get_mut(&child) {
             if link.parent != parent {
@@ -157,7 +157,7 @@ impl Tree {
     }
 
     /// The time of the newest transform of a frame to its parent.
-    pub fn newest(&self, child: &str) -> Option<i64> {
+    pub(super) fn newest(&self, child: &str) -> Option<i64> {
         match &self.links.get(child)?.transforms {
             Transforms::Fixed(_) => None,
             Transforms::Moving(list) => list.back().map(|(time, _)| *time),
@@ -165,7 +165,7 @@ impl Tree {
     }
 
     /// Forgets what is older than the newest transform of its link, and than this time, by more than the time that is kept.
-    pub fn forget_before(&mut self, time: i64) {
+    pub(super) fn forget_before(&mut self, time: i64) {
         for link in self.links.values_mut() {
             if let Transforms::Moving(list) = &mut link.transforms
                 && let Some(&(newest, _)) = list.back()
@@ -181,7 +181,7 @@ impl Tree {
 
     /// How many moving transforms are kept.
     #[cfg(test)]
-    pub fn transforms(&self) -> usize {
+    pub(super) fn transforms(&self) -> usize {
         let kept = |link: &Link| match &link.transforms {
             Transforms::Fixed(_) => 0,
             Transforms::Moving(list) => list.len(),
@@ -190,7 +190,7 @@ impl Tree {
     }
 
     /// Forgets all moving transforms, but not the links.
-    pub fn forget_moving(&mut self) {
+    pub(super) fn forget_moving(&mut self) {
         for link in self.links.values_mut() {
             if let Transforms::Moving(list) = &mut link.transforms {
                 list.clear();
@@ -199,23 +199,23 @@ impl Tree {
     }
 
     /// Gives a frame this parent, and no other.
-    pub fn replace(&mut self, transform: Transform) {
+    pub(super) fn replace(&mut self, transform: Transform) {
         let Transform { parent, child, parent_from_child, .. } = transform;
         self.links.insert(child, Link { parent, transforms: Transforms::Fixed(parent_from_child) });
     }
 
     /// A frame and those above it, except for the root.
-    pub fn ancestors<'a>(&'a self, frame: &'a str) -> Vec<&'a str> {
+    pub(super) fn ancestors<'a>(&'a self, frame: &'a str) -> Vec<&'a str> {
         self.way_up(frame).into_iter().map(|(name, _)| name).collect()
     }
 
     /// The frame at the top of the tree that a frame is in.
-    pub fn root<'a>(&'a self, frame: &'a str) -> &'a str {
+    pub(super) fn root<'a>(&'a self, frame: &'a str) -> &'a str {
         self.way_up(frame).last().map_or(frame, |(_, link)| &link.parent)
     }
 
     /// The frames without a parent.
-    pub fn roots(&self) -> Vec<&str> {
+    pub(super) fn roots(&self) -> Vec<&str> {
         let mut roots: Vec<&str> = self.links.values().map(|link| link.parent.as_str()).collect();
         roots.retain(|name| !self.links.contains_key(*name));
         roots.sort_unstable();
@@ -224,7 +224,7 @@ impl Tree {
     }
 
     /// Whether both frames are in one tree.
-    pub fn is_connected(&self, a: &str, b: &str) -> bool {
+    pub(super) fn is_connected(&self, a: &str, b: &str) -> bool {
         self.root(a) == self.root(b)
     }
 
@@ -247,7 +247,14 @@ impl Tree {
     ///
     /// # Errors
     /// [`NoPose`] names the link.
-    pub fn pose(&self, target: &str, source: &str, time: i64, limits: Limits, is_final: bool) -> Result<Pose, NoPose> {
+    pub(super) fn pose(
+        &self,
+        target: &str,
+        source: &str,
+        time: i64,
+        limits: Limits,
+        is_final: bool,
+    ) -> Result<Pose, NoPose> {
         let unconnected = || NoPose {
             problem: format!("no transforms lead from the frame \"{source}\" to \"{target}\""),
             may_come: !is_final,

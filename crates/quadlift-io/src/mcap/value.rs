@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 /// A value of a message.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Value {
+pub(super) enum Value {
     /// A number, or `true` (1) and `false` (0). Whole numbers beyond 2^53 are [`Value::Whole`].
     Number(f64),
     /// A whole number.
@@ -22,7 +22,7 @@ pub enum Value {
 
 /// A value with its place in the message.
 #[derive(Debug, Clone, Copy)]
-pub struct At<'a> {
+pub(super) struct At<'a> {
     value: &'a Value,
     parent: Option<&'a At<'a>>,
     step: Step<'a>,
@@ -53,12 +53,12 @@ impl fmt::Display for At<'_> {
 
 impl<'a> At<'a> {
     /// The message.
-    pub fn root(value: &'a Value) -> Self {
+    pub(super) fn root(value: &'a Value) -> Self {
         Self { value, parent: None, step: Step::Root }
     }
 
     /// A problem with this value.
-    pub fn error(&self, problem: impl fmt::Display) -> String {
+    pub(super) fn error(&self, problem: impl fmt::Display) -> String {
         let place = self.to_string();
         if place.is_empty() { problem.to_string() } else { format!("{place}: {problem}") }
     }
@@ -76,7 +76,7 @@ impl<'a> At<'a> {
     }
 
     /// The field of one of these names that comes first in this list, if there is one.
-    pub fn optional(&'a self, names: &[&'a str]) -> Option<At<'a>> {
+    pub(super) fn optional(&'a self, names: &[&'a str]) -> Option<At<'a>> {
         let Value::Struct(fields) = self.value else { return None };
         names.iter().find_map(|name| {
             let (_, value) = fields.iter().find(|(known, _)| **known == **name)?;
@@ -85,7 +85,7 @@ impl<'a> At<'a> {
     }
 
     /// A field of one of these names.
-    pub fn field(&'a self, names: &[&'a str]) -> Result<At<'a>, String> {
+    pub(super) fn field(&'a self, names: &[&'a str]) -> Result<At<'a>, String> {
         self.optional(names).ok_or_else(|| match self.value {
             Value::Struct(_) => self.error(format!("there is no field \"{}\"", names.join("\" or \""))),
             _ => self.unexpected("fields"),
@@ -93,13 +93,13 @@ impl<'a> At<'a> {
     }
 
     /// The items of a list.
-    pub fn items(&'a self) -> Result<impl Iterator<Item = At<'a>>, String> {
+    pub(super) fn items(&'a self) -> Result<impl Iterator<Item = At<'a>>, String> {
         let Value::List(list) = self.value else { return Err(self.unexpected("a list")) };
         Ok(list.iter().enumerate().map(|(index, value)| At { value, parent: Some(self), step: Step::Item(index) }))
     }
 
     /// A finite number.
-    pub fn number(&self) -> Result<f64, String> {
+    pub(super) fn number(&self) -> Result<f64, String> {
         let number = match self.value {
             Value::Number(number) => *number,
             Value::Whole(number) => *number as f64,
@@ -109,7 +109,7 @@ impl<'a> At<'a> {
     }
 
     /// A whole number.
-    pub fn whole(&self) -> Result<i64, String> {
+    pub(super) fn whole(&self) -> Result<i64, String> {
         match self.value {
             Value::Whole(number) => Ok(*number),
             Value::Number(number) if number.fract() == 0.0 && number.abs() < 9e15 => Ok(*number as i64),
@@ -120,7 +120,7 @@ impl<'a> At<'a> {
     }
 
     /// A text.
-    pub fn text(&self) -> Result<&'a str, String> {
+    pub(super) fn text(&self) -> Result<&'a str, String> {
         match self.value {
             Value::Text(text) => Ok(text),
             _ => Err(self.unexpected("text")),
@@ -128,7 +128,7 @@ impl<'a> At<'a> {
     }
 
     /// A text, or a whole number as text.
-    pub fn word(&self) -> Result<String, String> {
+    pub(super) fn word(&self) -> Result<String, String> {
         match self.value {
             Value::Text(text) => Ok(text.clone()),
             _ => self.whole().map(|number| number.to_string()),
@@ -136,12 +136,12 @@ impl<'a> At<'a> {
     }
 
     /// Any number of finite numbers.
-    pub fn numbers(&'a self) -> Result<Vec<f64>, String> {
+    pub(super) fn numbers(&'a self) -> Result<Vec<f64>, String> {
         self.items()?.map(|item| item.number()).collect()
     }
 
     /// The fields of these names as numbers.
-    pub fn coordinates<const N: usize>(&'a self, names: [&'a str; N]) -> Result<[f64; N], String> {
+    pub(super) fn coordinates<const N: usize>(&'a self, names: [&'a str; N]) -> Result<[f64; N], String> {
         let mut numbers = [0.0; N];
         for (number, name) in numbers.iter_mut().zip(names) {
             *number = self.field(&[name])?.number()?;
@@ -150,7 +150,7 @@ impl<'a> At<'a> {
     }
 
     /// Whether this is a text.
-    pub fn is_text(&self) -> bool {
+    pub(super) fn is_text(&self) -> bool {
         matches!(self.value, Value::Text(_))
     }
 }

@@ -16,7 +16,7 @@ const LATCHED: &str = "- history: 1\n  depth: 1\n  reliability: 1\n  durability:
 
 /// Writes a log into memory. Messages are given in the order of their times.
 #[derive(Debug)]
-pub struct LogWriter {
+pub(crate) struct LogWriter {
     bytes: Vec<u8>,
     /// Contents of the schema records, by their ids from 1.
     schemas: Vec<(String, Vec<u8>)>,
@@ -48,7 +48,7 @@ fn widen(times: &mut Option<[u64; 2]>, time: u64) {
 
 impl LogWriter {
     /// A log of ROS 2.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let mut bytes = MAGIC.to_vec();
         record(&mut bytes, opcode::HEADER, &[text("ros2"), text("quadlift")].concat());
         Self {
@@ -64,7 +64,7 @@ impl LogWriter {
     }
 
     /// A topic of CDR messages of a type with this definition (`ros2msg`); `latched`: late subscribers get the last message.
-    pub fn channel(&mut self, topic: &str, schema: &str, definition: &str, latched: bool) -> u16 {
+    pub(crate) fn channel(&mut self, topic: &str, schema: &str, definition: &str, latched: bool) -> u16 {
         let known = self.schemas.iter().position(|(name, _)| name == schema);
         let index = known.unwrap_or_else(|| {
             let id = self.schemas.len() as u16 + 1;
@@ -83,7 +83,7 @@ impl LogWriter {
     }
 
     /// Adds a message, with its time in nanoseconds.
-    pub fn message(&mut self, channel: u16, time: u64, data: &[u8]) {
+    pub(crate) fn message(&mut self, channel: u16, time: u64, data: &[u8]) {
         let Some((_, messages)) = self.channels.get_mut(usize::from(channel)) else { return };
         let sequence = *messages as u32;
         *messages += 1;
@@ -98,7 +98,7 @@ impl LogWriter {
     }
 
     /// Writes the messages so far as a chunk.
-    pub fn end_chunk(&mut self) {
+    pub(crate) fn end_chunk(&mut self) {
         let records = std::mem::take(&mut self.chunk);
         if records.is_empty() {
             return;
@@ -139,7 +139,7 @@ impl LogWriter {
     }
 
     /// The file.
-    pub fn finish(mut self) -> Vec<u8> {
+    pub(crate) fn finish(mut self) -> Vec<u8> {
         self.end_chunk();
         let Self { mut bytes, schemas, channels, indices, times, .. } = self;
         record(&mut bytes, opcode::DATA_END, &0_u32.to_le_bytes());

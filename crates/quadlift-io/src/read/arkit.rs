@@ -48,7 +48,7 @@ enum Capture {
 
 /// The JSON file of a frame.
 #[derive(Debug, Clone, Copy)]
-pub struct FrameFile<'a> {
+pub(super) struct FrameFile<'a> {
     /// The name without extension.
     pub stem: &'a str,
     /// The path, for messages.
@@ -58,7 +58,7 @@ pub struct FrameFile<'a> {
 }
 
 /// The images of a capture.
-pub struct CaptureImages<'a> {
+pub(super) struct CaptureImages<'a> {
     /// The name of the image of a frame, by the name without extension.
     pub named: &'a dyn Fn(&str) -> Option<String>,
     /// Width and height of an image.

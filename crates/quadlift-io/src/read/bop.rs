@@ -32,7 +32,7 @@ const LEVELS: usize = 4;
 
 /// The files of a scene with their paths, which serve for messages.
 #[derive(Debug, Clone, Copy)]
-pub struct BopFiles<'a> {
+pub(super) struct BopFiles<'a> {
     /// `scene_camera.json`.
     pub camera: (&'a Path, &'a [u8]),
     /// `scene_gt.json`: the poses of the objects.

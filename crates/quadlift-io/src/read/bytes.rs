@@ -5,19 +5,19 @@ use std::path::Path;
 use crate::error::ReadError;
 
 /// The bytes of a file that are still to be read.
-pub struct Bytes<'a> {
+pub(super) struct Bytes<'a> {
     path: &'a Path,
     all: &'a [u8],
     offset: usize,
 }
 
 impl<'a> Bytes<'a> {
-    pub fn new(path: &'a Path, all: &'a [u8]) -> Self {
+    pub(super) fn new(path: &'a Path, all: &'a [u8]) -> Self {
         Self { path, all, offset: 0 }
     }
 
     /// A problem at the place where reading goes on.
-    pub fn error(&self, problem: impl Into<String>) -> ReadError {
+    pub(super) fn error(&self, problem: impl Into<String>) -> ReadError {
         ReadError::new(self.path, problem).in_entry(format!("byte {}", self.offset))
     }
 
@@ -37,24 +37,24 @@ impl<'a> Bytes<'a> {
         Ok(array)
     }
 
-    pub fn u8(&mut self, what: &str) -> Result<u8, ReadError> {
+    pub(super) fn u8(&mut self, what: &str) -> Result<u8, ReadError> {
         self.array(what).map(u8::from_le_bytes)
     }
 
-    pub fn u32(&mut self, what: &str) -> Result<u32, ReadError> {
+    pub(super) fn u32(&mut self, what: &str) -> Result<u32, ReadError> {
         self.array(what).map(u32::from_le_bytes)
     }
 
-    pub fn i32(&mut self, what: &str) -> Result<i32, ReadError> {
+    pub(super) fn i32(&mut self, what: &str) -> Result<i32, ReadError> {
         self.array(what).map(i32::from_le_bytes)
     }
 
-    pub fn u64(&mut self, what: &str) -> Result<u64, ReadError> {
+    pub(super) fn u64(&mut self, what: &str) -> Result<u64, ReadError> {
         self.array(what).map(u64::from_le_bytes)
     }
 
     /// A finite number.
-    pub fn f64(&mut self, what: &str) -> Result<f64, ReadError> {
+    pub(super) fn f64(&mut self, what: &str) -> Result<f64, ReadError> {
         let number = f64::from_le_bytes(self.array(what)?);
         if number.is_finite() {
             return Ok(number);
@@ -63,7 +63,7 @@ impl<'a> Bytes<'a> {
         Err(self.error(format!("found {number}; expected {what}, a finite number")))
     }
 
-    pub fn f64s<const N: usize>(&mut self, what: &str) -> Result<[f64; N], ReadError> {
+    pub(super) fn f64s<const N: usize>(&mut self, what: &str) -> Result<[f64; N], ReadError> {
         let mut numbers = [0.0; N];
         for number in &mut numbers {
             *number = self.f64(what)?;
@@ -72,7 +72,7 @@ impl<'a> Bytes<'a> {
     }
 
     /// Text up to a NUL byte.
-    pub fn text(&mut self, what: &str) -> Result<&'a str, ReadError> {
+    pub(super) fn text(&mut self, what: &str) -> Result<&'a str, ReadError> {
         let rest = &self.all[self.offset..];
         let Some(length) = rest.iter().position(|&byte| byte == 0) else {
             return Err(self.error(format!("expected {what} and a NUL byte, and the file ends without one")));
@@ -84,7 +84,7 @@ impl<'a> Bytes<'a> {
     }
 
     /// Passes over `count` records of `size` bytes.
-    pub fn skip(&mut self, count: u64, size: u64, what: &str) -> Result<(), ReadError> {
+    pub(super) fn skip(&mut self, count: u64, size: u64, what: &str) -> Result<(), ReadError> {
         let left = self.all.len() - self.offset;
         match count.checked_mul(size).and_then(|bytes| usize::try_from(bytes).ok()).filter(|&bytes| bytes <= left) {
             Some(bytes) => {
@@ -96,7 +96,7 @@ impl<'a> Bytes<'a> {
     }
 
     /// That nothing is left.
-    pub fn end(&self) -> Result<(), ReadError> {
+    pub(super) fn end(&self) -> Result<(), ReadError> {
         let left = self.all.len() - self.offset;
         if left == 0 {
             Ok(())

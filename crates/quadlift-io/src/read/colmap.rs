@@ -26,14 +26,14 @@ use crate::wording::count;
 
 use models::Place;
 use observed::Chosen;
-pub use points::DEFAULT_POINTS;
+pub(super) use points::DEFAULT_POINTS;
 use rigs::{ImageId, Rigs};
 
 /// Possible locations of images, relative to the folder of the model.
 const IMAGE_FOLDERS: [&str; 3] = ["images", "../images", "../../images"];
 
 /// A file with its bytes.
-pub type File<'a> = (&'a Path, &'a [u8]);
+pub(super) type File<'a> = (&'a Path, &'a [u8]);
 
 /// The row of this format.
 pub(super) const FORMAT: PoseFormat = Format {

@@ -10,7 +10,7 @@ use crate::input::as_utf8;
 use crate::wording::plain_words;
 
 /// The document in the bytes of a file.
-pub fn parse_json(path: &Path, bytes: &[u8]) -> Result<Value, ReadError> {
+pub(crate) fn parse_json(path: &Path, bytes: &[u8]) -> Result<Value, ReadError> {
     serde_json::from_str(as_utf8(path, bytes)?).map_err(|error| {
         let (line, column) = (error.line(), error.column());
         let message = error.to_string();
@@ -21,7 +21,7 @@ pub fn parse_json(path: &Path, bytes: &[u8]) -> Result<Value, ReadError> {
 
 /// A value with its place in the document.
 #[derive(Debug, Clone)]
-pub struct Node<'a> {
+pub(crate) struct Node<'a> {
     path: &'a Path,
     entry: String,
     value: &'a Value,
@@ -29,12 +29,12 @@ pub struct Node<'a> {
 
 impl<'a> Node<'a> {
     /// The outermost value.
-    pub fn root(path: &'a Path, value: &'a Value) -> Self {
+    pub(crate) fn root(path: &'a Path, value: &'a Value) -> Self {
         Self { path, entry: String::new(), value }
     }
 
     /// A problem with this value.
-    pub fn error(&self, problem: impl Into<String>) -> ReadError {
+    pub(crate) fn error(&self, problem: impl Into<String>) -> ReadError {
         let error = ReadError::new(self.path, problem);
         if self.entry.is_empty() { error } else { error.in_entry(self.entry.clone()) }
     }
@@ -55,60 +55,60 @@ impl<'a> Node<'a> {
     }
 
     /// The members of an object without their places.
-    pub fn object(&self) -> Result<&'a Map<String, Value>, ReadError> {
+    pub(crate) fn object(&self) -> Result<&'a Map<String, Value>, ReadError> {
         self.value.as_object().ok_or_else(|| self.unexpected("an object {...}"))
     }
 
     /// Whether this is an object.
-    pub fn is_object(&self) -> bool {
+    pub(crate) fn is_object(&self) -> bool {
         self.value.is_object()
     }
 
     /// The members of an object.
-    pub fn members(&self) -> Result<Vec<(&'a str, Self)>, ReadError> {
+    pub(crate) fn members(&self) -> Result<Vec<(&'a str, Self)>, ReadError> {
         Ok(self.object()?.iter().map(|(key, value)| (key.as_str(), self.child(key, value))).collect())
     }
 
     /// A member of an object, if present and not `null`.
-    pub fn optional(&self, key: &str) -> Result<Option<Self>, ReadError> {
+    pub(crate) fn optional(&self, key: &str) -> Result<Option<Self>, ReadError> {
         let value = self.object()?.get(key).filter(|value| !value.is_null());
         Ok(value.map(|value| self.child(key, value)))
     }
 
     /// A member that must be there.
-    pub fn member(&self, key: &str) -> Result<Self, ReadError> {
+    pub(crate) fn member(&self, key: &str) -> Result<Self, ReadError> {
         self.optional(key)?.ok_or_else(|| self.error(format!("there is no \"{key}\"")))
     }
 
     /// The items of a list.
-    pub fn items(&self) -> Result<Vec<Self>, ReadError> {
+    pub(crate) fn items(&self) -> Result<Vec<Self>, ReadError> {
         let list = self.value.as_array().ok_or_else(|| self.unexpected("a list"))?;
         Ok(list.iter().enumerate().map(|(index, value)| self.child(&format!("[{index}]"), value)).collect())
     }
 
-    pub fn number(&self) -> Result<f64, ReadError> {
+    pub(crate) fn number(&self) -> Result<f64, ReadError> {
         self.value.as_f64().ok_or_else(|| self.unexpected("a number"))
     }
 
-    pub fn whole(&self) -> Result<u64, ReadError> {
+    pub(crate) fn whole(&self) -> Result<u64, ReadError> {
         self.value.as_u64().ok_or_else(|| self.unexpected("a whole number"))
     }
 
-    pub fn boolean(&self) -> Result<bool, ReadError> {
+    pub(crate) fn boolean(&self) -> Result<bool, ReadError> {
         self.value.as_bool().ok_or_else(|| self.unexpected("true or false"))
     }
 
-    pub fn text(&self) -> Result<&'a str, ReadError> {
+    pub(crate) fn text(&self) -> Result<&'a str, ReadError> {
         self.value.as_str().ok_or_else(|| self.unexpected("text in quotes"))
     }
 
     /// Any number of numbers.
-    pub fn list_of_numbers(&self) -> Result<Vec<f64>, ReadError> {
+    pub(crate) fn list_of_numbers(&self) -> Result<Vec<f64>, ReadError> {
         self.items()?.iter().map(Self::number).collect()
     }
 
     /// A record.
-    pub fn record<T: DeserializeOwned>(&self) -> Result<T, ReadError> {
+    pub(crate) fn record<T: DeserializeOwned>(&self) -> Result<T, ReadError> {
         serde_path_to_error::deserialize(self.value).map_err(|error| {
             let entry = format!("{}.{}", self.entry, error.path());
             ReadError::new(self.path, plain_words(&error.inner().to_string())).in_entry(entry)
@@ -116,12 +116,12 @@ impl<'a> Node<'a> {
     }
 
     /// Whether this is a list.
-    pub fn is_list(&self) -> bool {
+    pub(crate) fn is_list(&self) -> bool {
         self.value.is_array()
     }
 
     /// Text, or a number as text.
-    pub fn word(&self) -> Result<String, ReadError> {
+    pub(crate) fn word(&self) -> Result<String, ReadError> {
         match self.value {
             Value::String(text) => Ok(text.clone()),
             Value::Number(number) => Ok(number.to_string()),
@@ -130,7 +130,7 @@ impl<'a> Node<'a> {
     }
 
     /// Exactly `N` numbers.
-    pub fn numbers<const N: usize>(&self) -> Result<[f64; N], ReadError> {
+    pub(crate) fn numbers<const N: usize>(&self) -> Result<[f64; N], ReadError> {
         let expected = || self.unexpected(&format!("a list of {N} numbers"));
         let list = self.value.as_array().filter(|list| list.len() == N).ok_or_else(expected)?;
         let mut numbers = [0.0; N];
@@ -141,7 +141,7 @@ impl<'a> Node<'a> {
     }
 
     /// Three rows of four numbers. A fourth row must be `[0, 0, 0, w]`; a matrix is known up to the factor w.
-    pub fn three_rows(&self) -> Result<[[f64; 4]; 3], ReadError> {
+    pub(crate) fn three_rows(&self) -> Result<[[f64; 4]; 3], ReadError> {
         let items = self.items()?;
         if !(3..=4).contains(&items.len()) {
             return Err(self.unexpected("three or four rows of four numbers"));

@@ -31,13 +31,13 @@ const IMAGE_SIZES: [(f64, [f64; 2]); 5] = [
 ];
 
 /// The image size of the day whose cameras have this focal length.
-pub fn image_size_of(focal_length: f64) -> Option<[f64; 2]> {
+pub(super) fn image_size_of(focal_length: f64) -> Option<[f64; 2]> {
     IMAGE_SIZES.iter().find(|(f, _)| (f - focal_length).abs() < 1e-3).map(|(_, size)| *size)
 }
 
 /// The numbers of a calibration file by their names. Names end with a colon or a blank; lines with text (dates) are
 /// passed over.
-pub fn calibration<'a>(path: &'a Path, bytes: &'a [u8]) -> Result<Calibration<'a>, ReadError> {
+pub(super) fn calibration<'a>(path: &'a Path, bytes: &'a [u8]) -> Result<Calibration<'a>, ReadError> {
     let mut entries = BTreeMap::new();
     for line in lines(path, as_utf8(path, bytes)?).filter(|line| !line.is_blank_or_comment()) {
         let (name, rest) = line.text.split_once([':', ' ']).unwrap_or((line.text, ""));
@@ -48,14 +48,14 @@ pub fn calibration<'a>(path: &'a Path, bytes: &'a [u8]) -> Result<Calibration<'a
 }
 
 /// The entries of a calibration file.
-pub struct Calibration<'a> {
+pub(super) struct Calibration<'a> {
     path: &'a Path,
     entries: BTreeMap<&'a str, (Line<'a>, Option<Vec<f64>>)>,
 }
 
 impl Calibration<'_> {
     /// `N` numbers with one of several names.
-    pub fn numbers<const N: usize>(&self, names: &[&str]) -> Result<[f64; N], ReadError> {
+    pub(super) fn numbers<const N: usize>(&self, names: &[&str]) -> Result<[f64; N], ReadError> {
         let Some((name, (line, numbers))) = names.iter().find_map(|name| self.entries.get_key_value(name)) else {
             return Err(ReadError::new(self.path, format!("there is no \"{}\"", names.join("\" or \""))));
         };
@@ -64,13 +64,13 @@ impl Calibration<'_> {
     }
 
     /// A 3x3 rotation.
-    pub fn rotation(&self, names: &[&str]) -> Result<Matrix4<f64>, ReadError> {
+    pub(super) fn rotation(&self, names: &[&str]) -> Result<Matrix4<f64>, ReadError> {
         let matrix = matrix4(&Matrix3::from_row_slice(&self.numbers::<9>(names)?), &Vector3::zeros());
         self.rigid(names, matrix)
     }
 
     /// A 3x4 rotation and translation.
-    pub fn transform(&self, names: &[&str]) -> Result<Matrix4<f64>, ReadError> {
+    pub(super) fn transform(&self, names: &[&str]) -> Result<Matrix4<f64>, ReadError> {
         let numbers = self.numbers::<12>(names)?;
         let mut matrix = Matrix4::identity();
         matrix.fixed_view_mut::<3, 4>(0, 0).copy_from(&nalgebra::Matrix3x4::from_row_slice(&numbers));
@@ -78,7 +78,7 @@ impl Calibration<'_> {
     }
 
     /// A rotation `R` and a translation `T` in lines of their own.
-    pub fn rotation_and_translation(&self) -> Result<Matrix4<f64>, ReadError> {
+    pub(super) fn rotation_and_translation(&self) -> Result<Matrix4<f64>, ReadError> {
         let translation = Vector3::from(self.numbers::<3>(&["T"])?);
         let rotation = Matrix3::from_row_slice(&self.numbers::<9>(&["R"])?);
         self.rigid(&["R"], matrix4(&rotation, &translation))
@@ -91,7 +91,7 @@ impl Calibration<'_> {
 
     /// A rectified camera from its 3x4 projection `K [I | b]`: intrinsics, and the shift of the camera against
     /// camera 0.
-    pub fn rectified_camera(&self, name: &str) -> Result<RectifiedCamera, ReadError> {
+    pub(super) fn rectified_camera(&self, name: &str) -> Result<RectifiedCamera, ReadError> {
         let p: [f64; 12] = self.numbers(&[name])?;
         let error = |problem: String| ReadError::new(self.path, format!("\"{name}\": {problem}"));
         if [p[1], p[4], p[8], p[9]] != [0.0; 4] || p[10] != 1.0 {
@@ -105,7 +105,7 @@ impl Calibration<'_> {
 
 /// A rectified camera of KITTI.
 #[derive(Debug, Clone, Copy)]
-pub struct RectifiedCamera {
+pub(super) struct RectifiedCamera {
     pub intrinsics: Intrinsics,
     /// From the rectified axes of camera 0.
     pub cam_from_rect: Matrix4<f64>,
@@ -113,7 +113,7 @@ pub struct RectifiedCamera {
 
 impl RectifiedCamera {
     /// The camera of a scene file.
-    pub fn record(&self, image_size: Option<[f64; 2]>, pixel_centers: PixelCenters) -> CameraRecord {
+    pub(super) fn record(&self, image_size: Option<[f64; 2]>, pixel_centers: PixelCenters) -> CameraRecord {
         let (k, shift) = (self.intrinsics, pixel_centers.shift());
         CameraRecord {
             id: "camera".to_owned(),
@@ -128,11 +128,11 @@ impl RectifiedCamera {
 
 /// One line of GPS/IMU data: latitude, longitude (degrees), altitude, roll, pitch, yaw (radians).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Oxts([f64; 6]);
+pub(super) struct Oxts([f64; 6]);
 
 impl Oxts {
     /// Reads a line of 30 numbers.
-    pub fn read(line: &Line) -> Result<Self, ReadError> {
+    pub(super) fn read(line: &Line) -> Result<Self, ReadError> {
         let numbers = line.numbers()?;
         let n = numbers.len();
         let first = numbers.get(..6).and_then(|first| first.try_into().ok()).filter(|_| n == OXTS_NUMBERS);
@@ -144,12 +144,12 @@ impl Oxts {
     }
 
     /// The scale of the Mercator projection: that of the first position of a drive is used for all of it.
-    pub fn mercator_scale(&self) -> f64 {
+    pub(super) fn mercator_scale(&self) -> f64 {
         self.0[0].to_radians().cos()
     }
 
     /// The pose of the IMU in Mercator coordinates: meters east, north and up.
-    pub fn earth_from_imu(&self, scale: f64) -> Matrix4<f64> {
+    pub(super) fn earth_from_imu(&self, scale: f64) -> Matrix4<f64> {
         let [latitude, longitude, altitude, roll, pitch, yaw] = self.0;
         let east = scale * EARTH_RADIUS * longitude.to_radians();
         let north = scale * EARTH_RADIUS * (0.5 * (90.0 + latitude).to_radians()).tan().ln();
@@ -161,7 +161,7 @@ impl Oxts {
 
 /// From the rectified axes of camera 0 in the first frame, which are the world, to those in each frame. `None` for a
 /// pose that cannot be inverted.
-pub fn rect_from_world(oxts: &[Oxts], scale: f64, rect_from_imu: &Matrix4<f64>) -> Option<Vec<Matrix4<f64>>> {
+pub(super) fn rect_from_world(oxts: &[Oxts], scale: f64, rect_from_imu: &Matrix4<f64>) -> Option<Vec<Matrix4<f64>>> {
     let first = oxts.first()?;
     let imu_from_rect = inverse(rect_from_imu)?;
     // About the first position, so that no digits are lost on coordinates of millions of meters.
@@ -178,6 +178,6 @@ pub fn rect_from_world(oxts: &[Oxts], scale: f64, rect_from_imu: &Matrix4<f64>) 
 }
 
 /// The rows of `cam_from_world` for a frame.
-pub fn camera_rows(camera: &RectifiedCamera, rect_from_world: &Matrix4<f64>) -> [[f64; 4]; 3] {
+pub(super) fn camera_rows(camera: &RectifiedCamera, rect_from_world: &Matrix4<f64>) -> [[f64; 4]; 3] {
     rows(&(camera.cam_from_rect * rect_from_world))
 }

@@ -11,7 +11,7 @@ use crate::text::{Line, lines};
 
 /// One line.
 #[derive(Debug, Clone, PartialEq)]
-pub struct KittiLabel {
+pub(crate) struct KittiLabel {
     /// Line of the file, from 1.
     pub line: usize,
     /// Number of the frame, from 0.
@@ -38,20 +38,20 @@ pub struct KittiLabel {
 
 impl KittiLabel {
     /// Whether there is a box in space.
-    pub fn has_cuboid(&self) -> bool {
+    pub(crate) fn has_cuboid(&self) -> bool {
         self.size.iter().all(|x| *x > 0.0)
     }
 
     /// The pose of the cuboid's center in the rectified axes of camera 0: x along the length, y down, z along the
     /// width.
-    pub fn rect_from_object(&self) -> Matrix4<f64> {
+    pub(crate) fn rect_from_object(&self) -> Matrix4<f64> {
         let [x, y, z] = self.location;
         let rotation = Rotation3::from_axis_angle(&Vector3::y_axis(), self.rotation_y);
         matrix4(rotation.matrix(), &Vector3::new(x, y - 0.5 * self.size[0], z))
     }
 
     /// Half the length, height and width.
-    pub fn half_extents(&self) -> Vector3<f64> {
+    pub(crate) fn half_extents(&self) -> Vector3<f64> {
         let [height, width, length] = self.size;
         Vector3::new(length, height, width) * 0.5
     }
@@ -59,7 +59,7 @@ impl KittiLabel {
 
 /// Which of KITTI's benchmarks a file belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Benchmark {
+pub(crate) enum Benchmark {
     /// 17 fields, the first two are the frame and the track id; 18 with a score.
     Tracking,
     /// 15 fields, for one image; 16 with a score.
@@ -67,12 +67,12 @@ pub enum Benchmark {
 }
 
 /// The labels of a sequence in the bytes of a file of the tracking benchmark; the path serves for messages.
-pub fn parse_labels(path: &Path, bytes: &[u8]) -> Result<Vec<KittiLabel>, ReadError> {
+pub(crate) fn parse_labels(path: &Path, bytes: &[u8]) -> Result<Vec<KittiLabel>, ReadError> {
     parse_labels_of(path, bytes, Benchmark::Tracking)
 }
 
 /// The labels in the bytes of a file; without frames and tracks these are 0 and -1.
-pub fn parse_labels_of(path: &Path, bytes: &[u8], benchmark: Benchmark) -> Result<Vec<KittiLabel>, ReadError> {
+pub(crate) fn parse_labels_of(path: &Path, bytes: &[u8], benchmark: Benchmark) -> Result<Vec<KittiLabel>, ReadError> {
     let lines = lines(path, as_utf8(path, bytes)?).filter(|line| !line.is_blank_or_comment());
     lines.map(|line| label(&line, benchmark)).collect()
 }

@@ -153,7 +153,7 @@ fn times(path: &Path, first: usize) -> Result<Option<Vec<f64>>, ReadError> {
 
 /// A tracklet: one object in consecutive frames.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Tracklet {
+pub(super) struct Tracklet {
     /// Type, as it is written (`Car`, ...).
     pub kind: String,
     /// Height, width, length.

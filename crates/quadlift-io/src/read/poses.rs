@@ -4,19 +4,19 @@ use nalgebra::{Matrix3, Matrix4, Quaternion, UnitQuaternion, Vector3};
 use quadlift::geometry::rotation_defect;
 
 /// The 4x4 matrix with a rotation (or any 3x3 matrix) and a translation.
-pub fn matrix4(rotation: &Matrix3<f64>, translation: &Vector3<f64>) -> Matrix4<f64> {
+pub(super) fn matrix4(rotation: &Matrix3<f64>, translation: &Vector3<f64>) -> Matrix4<f64> {
     let mut matrix = rotation.to_homogeneous();
     matrix.fixed_view_mut::<3, 1>(0, 3).copy_from(translation);
     matrix
 }
 
 /// The first three rows of a 4x4 matrix, as files have them.
-pub fn rows(matrix: &Matrix4<f64>) -> [[f64; 4]; 3] {
+pub(super) fn rows(matrix: &Matrix4<f64>) -> [[f64; 4]; 3] {
     [0, 1, 2].map(|i| [0, 1, 2, 3].map(|j| matrix[(i, j)]))
 }
 
 /// The 4x4 matrix of three rows.
-pub fn from_rows(rows: &[[f64; 4]; 3]) -> Matrix4<f64> {
+pub(crate) fn from_rows(rows: &[[f64; 4]; 3]) -> Matrix4<f64> {
     let mut matrix = Matrix4::identity();
     for (i, row) in rows.iter().enumerate() {
         for (j, value) in row.iter().enumerate() {
@@ -27,7 +27,7 @@ pub fn from_rows(rows: &[[f64; 4]; 3]) -> Matrix4<f64> {
 }
 
 /// Checks that a matrix, of this name in messages, is a rotation and a translation, to 1e-3.
-pub fn check_rigid(matrix: &Matrix4<f64>, name: &str) -> Result<(), String> {
+pub(super) fn check_rigid(matrix: &Matrix4<f64>, name: &str) -> Result<(), String> {
     let defect = rotation_defect(&matrix.fixed_view::<3, 3>(0, 0).into_owned());
     if defect > 1e-3 {
         return Err(format!(
@@ -39,14 +39,14 @@ pub fn check_rigid(matrix: &Matrix4<f64>, name: &str) -> Result<(), String> {
 
 /// The inverse of a rotation and a translation, whose rotation need not be orthonormal to the last digit; `None` if it
 /// is singular.
-pub fn inverse(matrix: &Matrix4<f64>) -> Option<Matrix4<f64>> {
+pub(super) fn inverse(matrix: &Matrix4<f64>) -> Option<Matrix4<f64>> {
     let inverse = matrix.fixed_view::<3, 3>(0, 0).into_owned().try_inverse()?;
     let translation = -(inverse * matrix.fixed_view::<3, 1>(0, 3));
     Some(matrix4(&inverse, &translation))
 }
 
 /// The rotation of a quaternion of any length `[w, x, y, z]`; `None` if it is zero or not finite.
-pub fn rotation_of(wxyz: [f64; 4]) -> Option<Matrix3<f64>> {
+pub(super) fn rotation_of(wxyz: [f64; 4]) -> Option<Matrix3<f64>> {
     let [w, x, y, z] = wxyz;
     let quaternion = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-12)?;
     quaternion.coords.iter().all(|c| c.is_finite()).then(|| *quaternion.to_rotation_matrix().matrix())

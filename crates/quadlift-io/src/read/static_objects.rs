@@ -22,13 +22,13 @@ struct Labels {
 
 /// The labeled objects of a scene, by id.
 #[derive(Debug, Clone, Default)]
-pub struct LabelledObjects {
+pub(super) struct LabelledObjects {
     by_id: BTreeMap<String, Labels>,
 }
 
 impl LabelledObjects {
     /// One more label of an object: its pose in the world and half its extents along its axes.
-    pub fn add(
+    pub(super) fn add(
         &mut self,
         id: &str,
         category: Option<&str>,
@@ -43,7 +43,7 @@ impl LabelledObjects {
     }
 
     /// The static objects, and the ids of the others.
-    pub fn objects(&self) -> (Vec<ObjectRecord>, Vec<String>) {
+    pub(super) fn objects(&self) -> (Vec<ObjectRecord>, Vec<String>) {
         let (mut still, mut moving) = (Vec::new(), Vec::new());
         for (id, labels) in &self.by_id {
             match labels.mean() {

@@ -36,22 +36,22 @@ pub(super) struct Element {
 
 impl Element {
     /// The text before the first element in it, without the white space around it.
-    pub fn text(&self) -> &str {
+    pub(super) fn text(&self) -> &str {
         &self.text
     }
 
     /// The elements of this name in it.
-    pub fn children(&self, name: &str) -> impl Iterator<Item = &Self> {
+    pub(super) fn children(&self, name: &str) -> impl Iterator<Item = &Self> {
         self.elements.iter().filter(move |child| &*child.name == name)
     }
 
     /// All elements in it.
-    pub fn all_children(&self) -> &[Self] {
+    pub(super) fn all_children(&self) -> &[Self] {
         &self.elements
     }
 
     /// The value of an attribute, if present, without the white space around it.
-    pub fn attribute(&self, name: &str) -> Option<&str> {
+    pub(super) fn attribute(&self, name: &str) -> Option<&str> {
         self.attributes.iter().find(|(key, _)| &**key == name).map(|(_, value)| value.trim())
     }
 }
@@ -59,7 +59,7 @@ impl Element {
 impl<'a> Xml<'a> {
     /// Reads a file; `expected` describes its content for messages.
     #[cfg(feature = "xml")]
-    pub fn parse(
+    pub(super) fn parse(
         path: &'a Path,
         bytes: &'a [u8],
         expected: &str,
@@ -100,7 +100,7 @@ impl<'a> Xml<'a> {
 
     /// Says that XML is not read.
     #[cfg(not(feature = "xml"))]
-    pub fn parse(
+    pub(super) fn parse(
         path: &'a Path,
         bytes: &'a [u8],
         expected: &str,
@@ -111,7 +111,7 @@ impl<'a> Xml<'a> {
     }
 
     /// A problem with an element.
-    pub fn error(&self, element: &Element, problem: impl Into<String>) -> ReadError {
+    pub(super) fn error(&self, element: &Element, problem: impl Into<String>) -> ReadError {
         let before = &self.text[..element.start];
         let line_start = before.rfind('\n').map_or(0, |at| at + 1);
         let (line, column) = (1 + before.matches('\n').count(), 1 + before[line_start..].chars().count());
@@ -119,37 +119,37 @@ impl<'a> Xml<'a> {
     }
 
     /// The first element of this name in another one.
-    pub fn child<'e>(&self, element: &'e Element, name: &str) -> Result<&'e Element, ReadError> {
+    pub(super) fn child<'e>(&self, element: &'e Element, name: &str) -> Result<&'e Element, ReadError> {
         let found = element.children(name).next();
         found.ok_or_else(|| self.error(element, format!("there is no <{name}> in <{}>", element.name)))
     }
 
     /// The text in the first element of this name in another one, and that element.
-    pub fn text<'e>(&self, element: &'e Element, name: &str) -> Result<(&'e str, &'e Element), ReadError> {
+    pub(super) fn text<'e>(&self, element: &'e Element, name: &str) -> Result<(&'e str, &'e Element), ReadError> {
         let child = self.child(element, name)?;
         Ok((&child.text, child))
     }
 
     /// The number in the first element of this name in another one.
-    pub fn number(&self, element: &Element, name: &str) -> Result<f64, ReadError> {
+    pub(super) fn number(&self, element: &Element, name: &str) -> Result<f64, ReadError> {
         let (text, child) = self.text(element, name)?;
         let number = text.parse::<f64>().ok().filter(|x| x.is_finite());
         number.ok_or_else(|| self.error(child, format!("<{name}> is \"{text}\"; expected a number")))
     }
 
     /// An attribute that must be there.
-    pub fn attribute<'e>(&self, element: &'e Element, name: &str) -> Result<&'e str, ReadError> {
+    pub(super) fn attribute<'e>(&self, element: &'e Element, name: &str) -> Result<&'e str, ReadError> {
         let found = element.attribute(name);
         found.ok_or_else(|| self.error(element, format!("there is no attribute \"{name}\" in <{}>", element.name)))
     }
 
     /// An attribute that must be a number.
-    pub fn attribute_number(&self, element: &Element, name: &str) -> Result<f64, ReadError> {
+    pub(super) fn attribute_number(&self, element: &Element, name: &str) -> Result<f64, ReadError> {
         self.parsed(element, name, "a number", |text| text.parse().ok().filter(|x: &f64| x.is_finite()))
     }
 
     /// An attribute that must be a whole number from 0.
-    pub fn attribute_whole(&self, element: &Element, name: &str) -> Result<u32, ReadError> {
+    pub(super) fn attribute_whole(&self, element: &Element, name: &str) -> Result<u32, ReadError> {
         self.parsed(element, name, "a whole number from 0", |text| text.parse().ok())
     }
 

@@ -1,7 +1,7 @@
 //! Descriptions of the fields of a scene file, for messages.
 
 /// The expected value of a field by its name, if the message of the JSON reader is not specific enough.
-pub fn expected(field: &str) -> Option<&'static str> {
+pub(super) fn expected(field: &str) -> Option<&'static str> {
     Some(match field {
         "box" => "\"box\": [x0, y0, x1, y1] in pixels",
         "ellipse" => "\"ellipse\": {\"center\": [x, y], \"semi_axes\": [a, b], \"angle\": radians}",

@@ -4,7 +4,11 @@
 const FEW: usize = 6;
 
 /// The rest of a message about an unknown name: the nearest known name, or the known names. `what` is the plural.
-pub fn known_names<'a>(wanted: &str, known: impl ExactSizeIterator<Item = &'a str> + Clone, what: &str) -> String {
+pub(crate) fn known_names<'a>(
+    wanted: &str,
+    known: impl ExactSizeIterator<Item = &'a str> + Clone,
+    what: &str,
+) -> String {
     if let Some(nearest) = nearest(wanted, known.clone()) {
         return format!("did you mean \"{nearest}\"?");
     }

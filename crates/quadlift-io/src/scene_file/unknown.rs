@@ -6,7 +6,7 @@ use serde::de::{DeserializeSeed, Error, IgnoredAny, MapAccess, SeqAccess, Visito
 use serde::{Deserialize, Deserializer};
 
 /// Maximum number of values in unknown fields and in `localization`: about a gigabyte while reading.
-pub const MOST_VALUES: usize = 10_000_000;
+pub(super) const MOST_VALUES: usize = 10_000_000;
 
 /// Fields that hold records or lists of them, whose fields may be unknown in their turn.
 const RECORDS: [&str; 26] = [
@@ -54,7 +54,7 @@ const PLAIN: [&str; 70] = [
 ///
 /// # Errors
 /// The problem, as text. A text that is not JSON is not an error here.
-pub fn check_unknown(text: &str, most: usize) -> Result<(), String> {
+pub(super) fn check_unknown(text: &str, most: usize) -> Result<(), String> {
     // A value and its comma have two bytes at least.
     if text.len() / 2 <= most {
         return Ok(());

@@ -2,7 +2,7 @@
 
 /// What a column holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub(super) enum Kind {
     Text,
     /// Any JSON, as text.
     Json,
@@ -20,7 +20,7 @@ pub enum Kind {
 
 /// An entry of a record and its column.
 #[derive(Debug, Clone, Copy)]
-pub struct Column {
+pub(super) struct Column {
     /// Name of the column; of [`Kind::Split`] for messages only.
     pub name: &'static str,
     pub kind: Kind,
@@ -30,14 +30,14 @@ pub struct Column {
 
 /// A table: one file.
 #[derive(Debug, Clone, Copy)]
-pub struct Table {
+pub(super) struct Table {
     /// Name of the file.
     pub file: &'static str,
     pub columns: &'static [Column],
 }
 
 /// The column of what no other column has.
-pub const EXTRA: &str = "extra";
+pub(super) const EXTRA: &str = "extra";
 
 const fn column(name: &'static str, kind: Kind, path: &'static [&'static str]) -> Column {
     Column { name, kind, path }
@@ -46,7 +46,7 @@ const fn column(name: &'static str, kind: Kind, path: &'static [&'static str]) -
 use Kind::{Bool, Json, Number, Numbers, Rows, Split, Text, Texts, Whole};
 
 /// The scene as a whole: one row.
-pub const SCENE: Table = Table {
+pub(super) const SCENE: Table = Table {
     file: "scene.parquet",
     columns: &[
         column("format", Text, &["format"]),
@@ -60,7 +60,7 @@ pub const SCENE: Table = Table {
 };
 
 /// The cameras.
-pub const CAMERAS: Table = Table {
+pub(super) const CAMERAS: Table = Table {
     file: "cameras.parquet",
     columns: &[
         column("id", Text, &["id"]),
@@ -72,7 +72,7 @@ pub const CAMERAS: Table = Table {
 };
 
 /// The frames.
-pub const FRAMES: Table = Table {
+pub(super) const FRAMES: Table = Table {
     file: "frames.parquet",
     columns: &[
         column("id", Text, &["id"]),
@@ -87,7 +87,7 @@ pub const FRAMES: Table = Table {
 };
 
 /// The detections.
-pub const DETECTIONS: Table = Table {
+pub(super) const DETECTIONS: Table = Table {
     file: "detections.parquet",
     columns: &[
         column("frame", Text, &["frame"]),
@@ -130,7 +130,7 @@ pub const DETECTIONS: Table = Table {
 };
 
 /// The objects, without the residuals of their views.
-pub const OBJECTS: Table = Table {
+pub(super) const OBJECTS: Table = Table {
     file: "objects.parquet",
     columns: &[
         column("id", Text, &["id"]),
@@ -178,7 +178,7 @@ pub const OBJECTS: Table = Table {
 };
 
 /// The contribution of each view to each object, in the order of the objects.
-pub const VIEWS: Table = Table {
+pub(super) const VIEWS: Table = Table {
     file: "views.parquet",
     columns: &[
         column("object", Text, &["object"]),

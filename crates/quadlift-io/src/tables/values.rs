@@ -6,7 +6,7 @@ use super::columns::{Column, Kind};
 
 /// The values of a column of the file.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Cell {
+pub(super) enum Cell {
     Null,
     Text(String),
     Number(f64),
@@ -18,7 +18,7 @@ pub enum Cell {
 
 /// The type of a column of the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Type {
+pub(super) enum Type {
     Text,
     Number,
     Whole,
@@ -29,7 +29,7 @@ pub enum Type {
 
 impl Column {
     /// Names and types of the columns of the file.
-    pub fn in_file(&self) -> Vec<(&'static str, Type)> {
+    pub(super) fn in_file(&self) -> Vec<(&'static str, Type)> {
         let one = |kind| vec![(self.name, kind)];
         match self.kind {
             Kind::Text | Kind::Json => one(Type::Text),
@@ -44,7 +44,7 @@ impl Column {
 
     /// Takes the entry out of a record. `None` if it is not a value of this kind: a non-finite number, which is null in
     /// JSON.
-    pub fn take(&self, record: &mut Map<String, Value>) -> Option<Vec<Cell>> {
+    pub(super) fn take(&self, record: &mut Map<String, Value>) -> Option<Vec<Cell>> {
         let Some(value) = take(record, self.path) else { return Some(vec![Cell::Null; self.in_file().len()]) };
         let cell = match self.kind {
             Kind::Text => Cell::Text(value.as_str()?.to_owned()),
@@ -69,7 +69,7 @@ impl Column {
     ///
     /// # Errors
     /// The expected value, as text.
-    pub fn put(&self, cells: &[Cell], record: &mut Map<String, Value>) -> Result<(), String> {
+    pub(super) fn put(&self, cells: &[Cell], record: &mut Map<String, Value>) -> Result<(), String> {
         let value = match (self.kind, cells) {
             (_, cells) if cells.iter().all(|cell| *cell == Cell::Null) => return Ok(()),
             (Kind::Json, [Cell::Text(text)]) => {

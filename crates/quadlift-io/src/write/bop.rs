@@ -25,7 +25,7 @@ pub(super) const FORMAT: ExportFormat = ExportFormat {
 /// The poses of all frames, in their order. `im_id` is the frame id if all frames have whole numbers, otherwise its
 /// position; `obj_id` the number in the object's category or id (`obj_000005` or `5`) or its position from 1. The score
 /// is 1 and the time -1 (not known).
-pub fn bop_results(scene: &CheckedScene, scene_id: u64, only_detected: bool) -> Document {
+pub(super) fn bop_results(scene: &CheckedScene, scene_id: u64, only_detected: bool) -> Document {
     let (images, by_position) = numbers_for(scene.scene.frames.iter().map(|frame| frame.id.as_str()), "");
     let model = |name: Option<&str>| name?.trim_start_matches("obj_").parse::<u64>().ok();
     let models: Option<Vec<u64>> =

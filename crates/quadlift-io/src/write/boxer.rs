@@ -26,7 +26,7 @@ pub(super) const FORMAT: ExportFormat = ExportFormat {
 
 /// A row for each object in each frame, by time. `instance` is the number in the object's id or its position, `sem_id` the
 /// position of the category, `prob` the score.
-pub fn boxer(scene: &CheckedScene, only_detected: bool) -> Document {
+pub(super) fn boxer(scene: &CheckedScene, only_detected: bool) -> Document {
     let mut notes = vec!["the axes are those of the scene's world".to_owned()];
     let (meters, unit_note) = scene.meters();
     notes.extend(unit_note);

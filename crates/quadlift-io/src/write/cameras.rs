@@ -14,7 +14,7 @@ use crate::scene_file::{FrameRecord, SceneFile};
 use crate::wording::count;
 
 /// Names of the files of a COLMAP model, in the order of [`colmap_model`].
-pub const COLMAP_FILES: [&str; 3] = ["cameras.txt", "images.txt", "points3D.txt"];
+pub(super) const COLMAP_FILES: [&str; 3] = ["cameras.txt", "images.txt", "points3D.txt"];
 
 /// A frame with its camera and pose.
 struct Posed<'a> {
@@ -68,7 +68,7 @@ pub(super) const TUM: ExportFormat = ExportFormat {
 ///
 /// # Errors
 /// [`EntryError`]: several cameras and none chosen, a camera without frames, a pose that is not one.
-pub fn tum(file: &SceneFile, camera: Option<&str>) -> Result<Document, EntryError> {
+pub(super) fn tum(file: &SceneFile, camera: Option<&str>) -> Result<Document, EntryError> {
     let (mut frames, mut notes) = posed(file)?;
     let cameras: BTreeSet<&str> = frames.iter().map(|posed| posed.camera).collect();
     let known = || cameras.iter().map(|id| format!("\"{id}\"")).collect::<Vec<_>>().join(", ");
@@ -114,7 +114,7 @@ pub(super) const COLMAP: ExportFormat = ExportFormat {
 ///
 /// # Errors
 /// [`EntryError`]: a camera without an image size, an image name with a line break, a pose that is not one.
-pub fn colmap_model(file: &SceneFile) -> Result<[Document; 3], EntryError> {
+pub(super) fn colmap_model(file: &SceneFile) -> Result<[Document; 3], EntryError> {
     let (frames, mut notes) = posed(file)?;
     let whole: Option<BTreeSet<u32>> = file.cameras.iter().map(|c| c.id.parse().ok().filter(|id| *id > 0)).collect();
     let keeps = whole.is_some_and(|ids| ids.len() == file.cameras.len());

@@ -18,7 +18,7 @@ pub(super) const FORMAT: ExportFormat = ExportFormat {
 
 /// The boxes of the bodies in the images. Ids count from 1: images by the frames, tracks by the objects, categories by
 /// their first appearance.
-pub fn coco(scene: &CheckedScene, only_detected: bool) -> Document {
+pub(super) fn coco(scene: &CheckedScene, only_detected: bool) -> Document {
     let images: Vec<Value> = scene
         .scene
         .frames

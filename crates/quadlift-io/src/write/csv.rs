@@ -10,7 +10,7 @@ use crate::error::EntryError;
 use crate::scene_file::{ObjectBodies, ObjectRecord, SceneFile};
 
 /// The columns of [`objects_csv`].
-pub const OBJECT_COLUMNS: [&str; 24] = [
+pub(super) const OBJECT_COLUMNS: [&str; 24] = [
     "object",
     "category",
     "status",
@@ -38,7 +38,7 @@ pub const OBJECT_COLUMNS: [&str; 24] = [
 ];
 
 /// The columns of [`views_csv`].
-pub const VIEW_COLUMNS: [&str; 4] = ["object", "frame", "residual_px", "inlier"];
+pub(super) const VIEW_COLUMNS: [&str; 4] = ["object", "frame", "residual_px", "inlier"];
 
 /// The row of this format.
 pub(super) const FORMAT: ExportFormat = ExportFormat {
@@ -53,7 +53,7 @@ pub(super) const FORMAT: ExportFormat = ExportFormat {
 ///
 /// # Errors
 /// [`EntryError`] as [`SceneFile::to_objects`].
-pub fn objects_csv(file: &SceneFile) -> Result<Document, EntryError> {
+pub(super) fn objects_csv(file: &SceneFile) -> Result<Document, EntryError> {
     let bodies = file.to_objects()?;
     let unit = file.length_unit.as_deref().unwrap_or_default();
     let rows = file.objects.iter().zip(&bodies).map(|(record, bodies)| object_row(record, bodies, unit));
@@ -62,7 +62,7 @@ pub fn objects_csv(file: &SceneFile) -> Result<Document, EntryError> {
 }
 
 /// The residual of each view of each object, in pixels, and whether the view was used.
-pub fn views_csv(file: &SceneFile) -> Document {
+pub(super) fn views_csv(file: &SceneFile) -> Document {
     let views = || file.objects.iter().flat_map(|o| o.view_residuals_px.iter().map(move |view| (&o.id, view)));
     let rows = views().map(|(object, view)| {
         [no_formula(object), no_formula(&view.frame), text(&view.residual_px), view.inlier.to_string()]

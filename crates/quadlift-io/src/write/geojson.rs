@@ -26,7 +26,7 @@ const LEAST_ANGLE: f64 = 0.1;
 
 /// Where the scene is on Earth.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GeoJsonOptions {
+pub(super) struct GeoJsonOptions {
     /// Place of the world's origin; by default the `reference_lla` of the scene.
     pub origin: Option<Place>,
     /// World direction whose horizontal part is north; by default y.
@@ -54,7 +54,7 @@ pub(super) const FORMAT: ExportFormat = ExportFormat {
 ///
 /// # Errors
 /// [`EntryError`] if there is no origin, the length unit or `up` is missing, or north is parallel to `up`.
-pub fn geojson(scene: &CheckedScene, options: &GeoJsonOptions) -> Result<Document, EntryError> {
+pub(super) fn geojson(scene: &CheckedScene, options: &GeoJsonOptions) -> Result<Document, EntryError> {
     let world = World::new(scene, options)?;
     let [x, y, z] = options.north;
     let mut notes = vec![format!("north is the horizontal part of the world's ({x}, {y}, {z})")];

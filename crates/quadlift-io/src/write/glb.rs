@@ -38,7 +38,7 @@ pub(super) const FORMAT: ExportFormat = ExportFormat {
 
 /// The scene as glTF. The root node turns the world so that y is up and converts its unit to meters; the nodes below it
 /// have world coordinates. `frustum_depth` as in [`super::ply::ply`].
-pub fn glb(scene: &CheckedScene, frustum_depth: Option<f64>) -> Document {
+pub(super) fn glb(scene: &CheckedScene, frustum_depth: Option<f64>) -> Document {
     let mut parts = Parts::default();
     let mut nodes: Vec<Value> = Vec::new();
     let categories = scene.categories();

@@ -18,7 +18,7 @@ use crate::read::kitti::read_cam_from_rect;
 
 /// Options that a scene does not contain.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct KittiLabelOptions {
+pub(super) struct KittiLabelOptions {
     /// Only frames in which the object was detected; otherwise all frames in which it is visible.
     pub only_detected: bool,
     /// From the rectified axes of KITTI's camera 0 to those of the scene's camera, in meters
@@ -39,7 +39,7 @@ pub(super) const FORMAT: ExportFormat = ExportFormat {
 
 /// The labels of all frames, in their order. Frames and tracks have their ids as numbers, where all of these are whole
 /// numbers (tracks also `t5`, as [`crate::read::kitti`] names them), or their positions.
-pub fn kitti_labels(scene: &CheckedScene, options: &KittiLabelOptions) -> Document {
+pub(super) fn kitti_labels(scene: &CheckedScene, options: &KittiLabelOptions) -> Document {
     let (frames, by_position) = numbers_for(scene.scene.frames.iter().map(|frame| frame.id.as_str()), "");
     let (tracks, tracks_by_position) = numbers_for(scene.objects.iter().map(|object| object.id.as_str()), "t");
     let (meters, unit_note) = scene.meters();

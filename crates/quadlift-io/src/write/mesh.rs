@@ -14,13 +14,13 @@ const ROUND: u32 = 48;
 
 /// A closed surface of triangles that are counterclockwise seen from outside.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Mesh {
+pub(super) struct Mesh {
     pub vertices: Vec<Vector3<f64>>,
     pub triangles: Vec<[u32; 3]>,
 }
 
 /// The body of half extents one about the origin.
-pub fn unit_body(shape: Shape) -> Mesh {
+pub(super) fn unit_body(shape: Shape) -> Mesh {
     match shape {
         Shape::Exponent(exponent) => unit_superellipsoid(exponent),
         Shape::Cylinder => unit_cylinder(),
@@ -91,7 +91,7 @@ fn gauge(point: &Vector3<f64>, support_exponent: f64) -> f64 {
 }
 
 /// The outward unit normal of the unit body at a point of its surface.
-pub fn normal(point: &Vector3<f64>, support_exponent: f64) -> Vector3<f64> {
+pub(super) fn normal(point: &Vector3<f64>, support_exponent: f64) -> Vector3<f64> {
     let power = 1.0 / (support_exponent - 1.0);
     let largest = point.amax();
     point.map(|x| x.signum() * (x.abs() / largest).powf(power)).normalize()
@@ -99,7 +99,7 @@ pub fn normal(point: &Vector3<f64>, support_exponent: f64) -> Vector3<f64> {
 
 impl Placement {
     /// A point of the unit body in the world.
-    pub fn to_world(self, point: &Vector3<f64>) -> Point3<f64> {
+    pub(super) fn to_world(self, point: &Vector3<f64>) -> Point3<f64> {
         self.center + self.rotation * point.component_mul(&self.half_extents)
     }
 }

@@ -25,7 +25,7 @@ pub(super) const FORMAT: ExportFormat = ExportFormat {
 
 /// The scene as one mesh: the objects in their order, then the cameras. `frustum_depth` is the depth of the frusta in
 /// world units; zero leaves them out, and without it they have a tenth of the distance to the objects.
-pub fn ply(scene: &CheckedScene, frustum_depth: Option<f64>) -> Document {
+pub(super) fn ply(scene: &CheckedScene, frustum_depth: Option<f64>) -> Document {
     let mut mesh = ColoredMesh::default();
     let category_indices = scene.category_indices();
     for object in &scene.objects {

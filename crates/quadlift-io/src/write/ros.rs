@@ -30,7 +30,7 @@ pub(super) const FORMAT: ExportFormat = ExportFormat {
 };
 
 /// The objects as a message whose header names `frame_id`, the name of the world.
-pub fn ros(scene: &CheckedScene, frame_id: &str) -> Document {
+pub(super) fn ros(scene: &CheckedScene, frame_id: &str) -> Document {
     let (meters, unit_note) = scene.meters();
     let header = json!({ "stamp": { "sec": 0, "nanosec": 0 }, "frame_id": frame_id });
     let detections: Vec<Value> = scene.objects.iter().map(|object| detection(object, meters, &header)).collect();

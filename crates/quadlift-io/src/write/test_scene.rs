@@ -7,7 +7,7 @@ use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, ObjectRecord
 
 /// Three objects near the origin, "up" is z. Camera 0 stands at (0, -10, 0) and looks along y; camera 1 at (10, 0, 0) and
 /// looks along -x; both see 640 x 480 pixels with a focal length of 500.
-pub fn three_bodies() -> SceneFile {
+pub(crate) fn three_bodies() -> SceneFile {
     let object = |id: &str, category: Option<&str>, body: Body, enclosing: Option<f64>| {
         let mut record =
             ObjectRecord { id: id.into(), category: category.map(str::to_owned), ..ObjectRecord::default() };

@@ -9,7 +9,7 @@ use super::{CheckedScene, Object};
 
 /// An object in an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SeenObject {
+pub(super) struct SeenObject {
     pub frame_index: usize,
     /// Index into the objects with bodies.
     pub object_index: usize,

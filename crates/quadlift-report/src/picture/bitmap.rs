@@ -20,7 +20,7 @@ const LINE: f64 = 1.33;
 type Failure = DrawingAreaErrorKind<<BitMapBackend<'static> as DrawingBackend>::ErrorType>;
 
 /// An image that is being drawn. The first error of the drawing library is returned at the end.
-pub struct Bitmap {
+pub(super) struct Bitmap {
     image: RgbImage,
     scale: u32,
     failed: Option<String>,
@@ -28,14 +28,14 @@ pub struct Bitmap {
 
 impl Bitmap {
     /// Draws on an image.
-    pub fn new(sheet: RgbImage) -> Self {
+    pub(super) fn new(sheet: RgbImage) -> Self {
         let scale = if u64::from(sheet.width()) * u64::from(sheet.height()) > LARGE { 1 } else { 2 };
         let (width, height) = (sheet.width() * scale, sheet.height() * scale);
         Self { image: resize(&sheet, width, height, FilterType::Nearest), scale, failed: None }
     }
 
     /// The image in its own size.
-    pub fn finish(self) -> Result<RgbImage, String> {
+    pub(super) fn finish(self) -> Result<RgbImage, String> {
         if let Some(reason) = self.failed {
             return Err(reason);
         }

@@ -7,7 +7,7 @@ use image::RgbImage;
 use nalgebra::{Matrix3x4, Vector2};
 use quadlift::geometry::{Body, Ellipse, Projection};
 
-pub use crate::colors::Color;
+pub(crate) use crate::colors::Color;
 use crate::colors::UNKNOWN;
 use crate::data::{Report, ReportBody, ReportFrame};
 use crate::outline::{ellipse_points, outline};
@@ -28,7 +28,7 @@ const MOST_PIXELS: f64 = 1e8;
 
 /// How a line is drawn.
 #[derive(Debug, Clone, Copy)]
-pub struct Stroke {
+pub(crate) struct Stroke {
     /// Color.
     pub color: Color,
     /// Opacity, in [0, 1].
@@ -45,7 +45,7 @@ fn label_width(text: &str, height: f64) -> f64 {
 }
 
 /// The canvas of a picture. Coordinates are pixels of the frame.
-pub trait Canvas {
+pub(crate) trait Canvas {
     /// Fills a polygon.
     fn fill(&mut self, polygon: &[Vector2<f64>], color: Color, opacity: f64);
     /// Draws a line through points.

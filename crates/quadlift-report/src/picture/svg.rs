@@ -11,11 +11,11 @@ use nalgebra::Vector2;
 use super::{Canvas, Color, SHEET, Stroke};
 
 /// An SVG document in the making.
-pub struct Svg(String);
+pub(super) struct Svg(String);
 
 impl Svg {
     /// A document of this size with the image, which is embedded as PNG, or a blank sheet.
-    pub fn new([width, height]: [f64; 2], image: Option<&RgbImage>) -> Result<Self, String> {
+    pub(super) fn new([width, height]: [f64; 2], image: Option<&RgbImage>) -> Result<Self, String> {
         let mut text = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} \
              {height}\">\n"
@@ -38,7 +38,7 @@ impl Svg {
     }
 
     /// The whole document.
-    pub fn finish(self) -> String {
+    pub(super) fn finish(self) -> String {
         self.0 + "</svg>\n"
     }
 

@@ -35,7 +35,7 @@ pub(crate) struct DetectionRate {
 
 impl DetectionRate {
     /// Fast for up to `most` views.
-    pub fn new(most: usize) -> Self {
+    pub(crate) fn new(most: usize) -> Self {
         let mut ln_factorial = vec![0.0];
         for n in 1..=most + 2 {
             ln_factorial.push(ln_factorial[n - 1] + (n as f64).ln());
@@ -44,7 +44,7 @@ impl DetectionRate {
     }
 
     /// For `detected` of `visible` views (at least as many).
-    pub fn log_probability(&self, detected: usize, visible: usize) -> f64 {
+    pub(crate) fn log_probability(&self, detected: usize, visible: usize) -> f64 {
         let visible = visible.max(detected);
         if visible + 1 >= self.ln_factorial.len() {
             let ln_factorial = |n: usize| ln_gamma(n as f64 + 1.0);
@@ -59,11 +59,11 @@ impl DetectionRate {
 pub(crate) mod infinite_as_null {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-    pub fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    pub(crate) fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
         value.is_finite().then_some(*value).serialize(serializer)
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
         Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
     }
 }

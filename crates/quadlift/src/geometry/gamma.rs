@@ -1,7 +1,7 @@
 //! The logarithm of the gamma function, for superellipsoid volumes and moments.
 
 /// `ln G(x)` for positive `x`: Stirling's series after shifting the argument above 10 (relative error below 1e-13).
-pub fn ln_gamma(x: f64) -> f64 {
+pub(crate) fn ln_gamma(x: f64) -> f64 {
     let (mut z, mut shift) = (x, 0.0);
     while z < 10.0 {
         shift -= z.ln();

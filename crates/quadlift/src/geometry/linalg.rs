@@ -10,7 +10,7 @@ const MAX_ITERATIONS: usize = 200;
 /// Eigenvalues (descending) and eigenvectors (columns, right-handed) of a symmetric 3x3 matrix.
 ///
 /// `None` when the matrix holds a non-finite number or the iteration does not converge.
-pub fn symmetric_eigen3(m: &Matrix3<f64>) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+pub(crate) fn symmetric_eigen3(m: &Matrix3<f64>) -> Option<(Vector3<f64>, Matrix3<f64>)> {
     let scale = m.amax();
     if !scale.is_finite() || !m.iter().all(|x| x.is_finite()) {
         return None;
@@ -34,7 +34,7 @@ pub fn symmetric_eigen3(m: &Matrix3<f64>) -> Option<(Vector3<f64>, Matrix3<f64>)
 ///
 /// One-sided Jacobi rotations keep the relative precision of small semi-axes, which forming `m m^T` would lose.
 /// `None` when a number is not finite or a semi-axis is zero.
-pub fn axes_of_image_of_ball(m: &Matrix3<f64>) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+pub(crate) fn axes_of_image_of_ball(m: &Matrix3<f64>) -> Option<(Vector3<f64>, Matrix3<f64>)> {
     let mut columns = *m;
     for _ in 0..MAX_ITERATIONS {
         let mut rotated = false;
@@ -69,7 +69,7 @@ const MIN_PIVOT: f64 = 1e-13;
 /// Inverse of a symmetric positive definite matrix, after scaling its diagonal to one.
 ///
 /// `None` when the matrix is not positive definite to working precision.
-pub fn invert_spd<const N: usize>(m: &SMatrix<f64, N, N>) -> Option<SMatrix<f64, N, N>> {
+pub(crate) fn invert_spd<const N: usize>(m: &SMatrix<f64, N, N>) -> Option<SMatrix<f64, N, N>> {
     let scale = SVector::<f64, N>::from_fn(|i, _| 1.0 / m[(i, i)].sqrt());
     if !scale.iter().all(|s| s.is_finite()) {
         return None;
@@ -93,7 +93,7 @@ pub fn invert_spd<const N: usize>(m: &SMatrix<f64, N, N>) -> Option<SMatrix<f64,
 }
 
 /// Lower Cholesky factor; `None` when a pivot is not positive.
-pub fn cholesky<const N: usize>(m: &SMatrix<f64, N, N>) -> Option<SMatrix<f64, N, N>> {
+pub(crate) fn cholesky<const N: usize>(m: &SMatrix<f64, N, N>) -> Option<SMatrix<f64, N, N>> {
     let mut lower = SMatrix::<f64, N, N>::zeros();
     for j in 0..N {
         for i in j..N {
@@ -115,7 +115,7 @@ pub fn cholesky<const N: usize>(m: &SMatrix<f64, N, N>) -> Option<SMatrix<f64, N
 }
 
 /// Solves `m x = b` for a symmetric positive definite `m`; `None` when it is not positive definite.
-pub fn solve_spd<const N: usize>(m: &SMatrix<f64, N, N>, b: &SVector<f64, N>) -> Option<SVector<f64, N>> {
+pub(crate) fn solve_spd<const N: usize>(m: &SMatrix<f64, N, N>, b: &SVector<f64, N>) -> Option<SVector<f64, N>> {
     let lower = cholesky(m)?;
     let mut x = *b;
     for i in 0..N {

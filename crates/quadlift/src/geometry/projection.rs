@@ -134,7 +134,7 @@ fn outer_root(gap: impl Fn(f64) -> f64, start: f64, towards: f64, depth: f64, re
 
 /// The plane through the camera and the box edge `edge` (0 left, 1 top, 2 right, 3 bottom), positive on the side of
 /// the box, for a projection `p` of any frame.
-pub fn edge_plane(p: &Matrix3x4<f64>, bounding_box: &BoundingBox, edge: usize) -> Vector4<f64> {
+pub(crate) fn edge_plane(p: &Matrix3x4<f64>, bounding_box: &BoundingBox, edge: usize) -> Vector4<f64> {
     let position = bounding_box.edges()[edge];
     let plane = (p.row(edge % 2) - p.row(2) * position).transpose();
     if edge < 2 { plane } else { -plane }
@@ -142,7 +142,7 @@ pub fn edge_plane(p: &Matrix3x4<f64>, bounding_box: &BoundingBox, edge: usize) -
 
 /// The plane through the camera and a supporting line, positive on the side of the object, for a projection `p` of any
 /// frame.
-pub fn support_plane(p: &Matrix3x4<f64>, line: &SupportLine) -> Vector4<f64> {
+pub(crate) fn support_plane(p: &Matrix3x4<f64>, line: &SupportLine) -> Vector4<f64> {
     p.transpose() * Vector3::new(-line.normal.x, -line.normal.y, line.reach)
 }
 

@@ -29,7 +29,7 @@ const GAUSS: [f64; 3] = [0.1294849661688697, 0.27970539148927664, 0.381830050505
 const MAX_INTERVALS: usize = 400;
 
 /// The integral of `f` over `[a, b]` by 15 nodes, and its difference from the 7-point Gauss rule.
-pub fn gauss_kronrod15(f: &impl Fn(f64) -> f64, a: f64, b: f64) -> (f64, f64) {
+pub(crate) fn gauss_kronrod15(f: &impl Fn(f64) -> f64, a: f64, b: f64) -> (f64, f64) {
     let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
     let center = f(middle);
     let (mut kronrod, mut gauss) = (MIDDLE.0 * center, MIDDLE.1 * center);
@@ -45,7 +45,7 @@ pub fn gauss_kronrod15(f: &impl Fn(f64) -> f64, a: f64, b: f64) -> (f64, f64) {
 
 /// A height in `[a, b]` for `u` in [-1, 1], dense towards both ends: what grows there like the distance to the power
 /// of 1/2 or 3/2 is smooth in `u`. Returns the height and its derivative.
-pub fn dense_at_ends(a: f64, b: f64, u: f64) -> (f64, f64) {
+pub(crate) fn dense_at_ends(a: f64, b: f64, u: f64) -> (f64, f64) {
     let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
     (middle + half * 0.5 * u * (3.0 - u * u), half * 1.5 * (1.0 - u * u))
 }
@@ -55,7 +55,7 @@ pub fn dense_at_ends(a: f64, b: f64, u: f64) -> (f64, f64) {
 ///
 /// The interval with the largest error estimate is halved until the sum of the estimates is at most `tolerance` times
 /// the integral. The work is bounded (12,000 evaluations), so that a hopeless tolerance ends too.
-pub fn integrate(f: impl Fn(f64) -> f64, breaks: &[f64], tolerance: f64) -> f64 {
+pub(crate) fn integrate(f: impl Fn(f64) -> f64, breaks: &[f64], tolerance: f64) -> f64 {
     let part = |piece: usize, low: f64, high: f64| {
         let smoothed = |u: f64| {
             let (x, derivative) = dense_at_ends(breaks[piece], breaks[piece + 1], u);

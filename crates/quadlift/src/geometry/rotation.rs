@@ -32,7 +32,7 @@ pub fn rotation_vector(rotation: &Rotation3<f64>) -> Vector3<f64> {
 }
 
 /// The matrix `[w]x` with `[w]x v = w x v`.
-pub fn skew(w: &Vector3<f64>) -> Matrix3<f64> {
+pub(crate) fn skew(w: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::new(0.0, -w.z, w.y, w.z, 0.0, -w.x, -w.y, w.x, 0.0)
 }
 

@@ -21,7 +21,7 @@ pub struct Superellipsoid {
 }
 
 /// `(sum |v_i|^q)^(1/q)`, exact for q = 1 and q = 2.
-pub fn q_norm(v: &Vector3<f64>, q: f64) -> f64 {
+pub(super) fn q_norm(v: &Vector3<f64>, q: f64) -> f64 {
     if q == 1.0 {
         return v.abs().sum();
     }

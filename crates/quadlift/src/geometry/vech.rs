@@ -6,10 +6,10 @@
 use nalgebra::{Matrix3, Matrix4, SVector};
 
 /// Row and column of each entry of `vech` of a symmetric 3x3 matrix.
-pub const VECH3: [(usize, usize); 6] = [(0, 0), (1, 0), (2, 0), (1, 1), (2, 1), (2, 2)];
+pub(crate) const VECH3: [(usize, usize); 6] = [(0, 0), (1, 0), (2, 0), (1, 1), (2, 1), (2, 2)];
 
 /// Row and column of each entry of `vech` of a symmetric 4x4 matrix.
-pub const VECH4: [(usize, usize); 10] =
+pub(crate) const VECH4: [(usize, usize); 10] =
     [(0, 0), (1, 0), (2, 0), (3, 0), (1, 1), (2, 1), (3, 1), (2, 2), (3, 2), (3, 3)];
 
 /// The lower triangle of a symmetric 3x3 matrix, by columns.
@@ -18,7 +18,7 @@ pub fn vech3(m: &Matrix3<f64>) -> SVector<f64, 6> {
 }
 
 /// The symmetric 4x4 matrix with this lower triangle, by columns.
-pub fn unvech4(v: &SVector<f64, 10>) -> Matrix4<f64> {
+pub(super) fn unvech4(v: &SVector<f64, 10>) -> Matrix4<f64> {
     let mut m = Matrix4::zeros();
     for (k, &(i, j)) in VECH4.iter().enumerate() {
         m[(i, j)] = v[k];

@@ -8,7 +8,7 @@ use std::f64::consts::{PI, TAU};
 
 /// Area common to the circle with the given radius about the origin and the axis-aligned ellipse with the given
 /// center and semi-axes, in squared units of the input. Zero when a length is not positive.
-pub fn circle_ellipse_area(radius: f64, center: [f64; 2], semi_axes: [f64; 2]) -> f64 {
+pub(super) fn circle_ellipse_area(radius: f64, center: [f64; 2], semi_axes: [f64; 2]) -> f64 {
     let ([c1, c2], [a, b]) = (center, semi_axes);
     let (disc, oval) = (PI * radius * radius, PI * a * b);
     let smaller = disc.min(oval);
@@ -77,7 +77,7 @@ pub fn circle_ellipse_area(radius: f64, center: [f64; 2], semi_axes: [f64; 2]) -
 }
 
 /// The number of points (0, 2 or 4) that the circle and the ellipse of [`circle_ellipse_area`] have in common.
-pub fn circle_ellipse_crossings(radius: f64, center: [f64; 2], semi_axes: [f64; 2]) -> usize {
+pub(super) fn circle_ellipse_crossings(radius: f64, center: [f64; 2], semi_axes: [f64; 2]) -> usize {
     let g = TrigQuadratic::new(radius, center, semi_axes);
     let (far, base) = g.farthest_node();
     if far == 0.0 { 0 } else { g.zeros(far, base).1 }

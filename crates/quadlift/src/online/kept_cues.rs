@@ -35,7 +35,7 @@ struct KeptBox {
 
 impl KeptCues {
     /// The cues of a detection, with the sources of the map for its own.
-    pub fn of(cues: &Cues, mut source_of: impl FnMut(u32) -> u32) -> Self {
+    pub(super) fn of(cues: &Cues, mut source_of: impl FnMut(u32) -> u32) -> Self {
         let mut source_of = |source: Option<u32>| source.map(&mut source_of);
         let Cues { depth, box3d } = cues;
         Self {
@@ -54,7 +54,7 @@ impl KeptCues {
     }
 
     /// The cues of the detection.
-    pub fn to_cues(&self) -> Cues {
+    pub(super) fn to_cues(&self) -> Cues {
         let depth = |&KeptDepth { median, sd, source }: &KeptDepth| DepthCue { median, sd, source };
         let box3d = |kept: &KeptBox| {
             let [distance, direction, size, rotation] = kept.sd;
@@ -70,7 +70,7 @@ impl KeptCues {
     }
 
     /// Whether all numbers are in their ranges, in a map of so many sources.
-    pub fn is_valid(&self, sources: usize) -> bool {
+    pub(super) fn is_valid(&self, sources: usize) -> bool {
         let is_known = |source: Option<u32>| source.is_none_or(|source| (source as usize) < sources);
         let depth_source = self.depth.as_ref().and_then(|depth| depth.source);
         let rotation = self.box3d.as_ref().and_then(|kept| kept.rotation);

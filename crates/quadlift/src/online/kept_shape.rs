@@ -30,7 +30,7 @@ pub struct MapShape {
 
 impl KeptShape {
     /// The shape of a detection in a frame whose lines are known; `None` without a shape.
-    pub fn of(shape: &Shape, frame: &scene::Frame, hidden: u8, has_box: bool) -> Option<Self> {
+    pub(super) fn of(shape: &Shape, frame: &scene::Frame, hidden: u8, has_box: bool) -> Option<Self> {
         let rounded = |[x, y]: [f64; 2]| [x as f32, y as f32];
         let outline = shape.outline.map(|corners| extreme_corners(corners, frame));
         let kept = match (outline, shape.oriented_box) {
@@ -49,7 +49,7 @@ impl KeptShape {
     }
 
     /// The shape as a scene has it.
-    pub fn to_shape(&self) -> MapShape {
+    pub(super) fn to_shape(&self) -> MapShape {
         let corners: Vec<[f64; 2]> = self.corners.iter().map(|corner| corner.map(f64::from)).collect();
         let oriented_box = self.oriented_box.and_then(|numbers| {
             let [x, y, width, height, angle] = numbers.map(f64::from);
@@ -59,7 +59,7 @@ impl KeptShape {
     }
 
     /// Gives a detection, whose box is known, the supporting lines.
-    pub fn add_to(&self, detection: &mut scene::Detection, frame: &scene::Frame) {
+    pub(super) fn add_to(&self, detection: &mut scene::Detection, frame: &scene::Frame) {
         let MapShape { outline, oriented_box, has_box } = self.to_shape();
         let hidden_lines = Some(std::array::from_fn(|k| self.hidden & (1 << k) != 0));
         let shape = Shape { outline: outline.as_deref(), oriented_box, hidden_lines };
@@ -77,7 +77,7 @@ impl KeptShape {
     }
 
     /// Whether all numbers are in their ranges.
-    pub fn is_valid(&self) -> bool {
+    pub(super) fn is_valid(&self) -> bool {
         let MapShape { outline, oriented_box, .. } = self.to_shape();
         match outline {
             Some(corners) => self.oriented_box.is_none() && check_outline(&corners).is_ok(),

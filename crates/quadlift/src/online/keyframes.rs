@@ -20,7 +20,7 @@ pub(super) struct Keyframe {
 
 impl Keyframe {
     /// The frame in a map with this origin; `extent` replaces an unknown image size.
-    pub fn new(frame: Frame, origin: &Vector3<f64>, extent: Vector2<f64>) -> Self {
+    pub(super) fn new(frame: Frame, origin: &Vector3<f64>, extent: Vector2<f64>) -> Self {
         let center = frame.projection.center_in_world().map_or(*origin, |c| c.coords);
         let camera = Camera::new(&frame.projection, &center, origin, frame.image_size.unwrap_or(extent));
         Self { frame, camera, shift: Vector2::zeros(), references: 0 }
@@ -35,39 +35,39 @@ pub(super) struct Keyframes {
 }
 
 impl Keyframes {
-    pub fn insert(&mut self, key: u32, keyframe: Keyframe) {
+    pub(super) fn insert(&mut self, key: u32, keyframe: Keyframe) {
         self.by_key.insert(key, Box::new(keyframe));
     }
 
-    pub fn get(&self, key: u32) -> Option<&Keyframe> {
+    pub(super) fn get(&self, key: u32) -> Option<&Keyframe> {
         self.by_key.get(&key).map(AsRef::as_ref)
     }
 
-    pub fn get_mut(&mut self, key: u32) -> Option<&mut Keyframe> {
+    pub(super) fn get_mut(&mut self, key: u32) -> Option<&mut Keyframe> {
         self.by_key.get_mut(&key).map(AsMut::as_mut)
     }
 
-    pub fn camera(&self, key: u32) -> Option<&Camera> {
+    pub(super) fn camera(&self, key: u32) -> Option<&Camera> {
         self.by_key.get(&key).map(|k| &k.camera)
     }
 
-    pub fn iter(&self) -> impl Iterator<Item = (u32, &Keyframe)> {
+    pub(super) fn iter(&self) -> impl Iterator<Item = (u32, &Keyframe)> {
         self.by_key.iter().map(|(&key, keyframe)| (key, keyframe.as_ref()))
     }
 
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.by_key.len()
     }
 
     /// Adds a reference.
-    pub fn hold(&mut self, key: u32) {
+    pub(super) fn hold(&mut self, key: u32) {
         if let Some(keyframe) = self.by_key.get_mut(&key) {
             keyframe.references += 1;
         }
     }
 
     /// Removes a reference; a frame without references is removed.
-    pub fn release(&mut self, key: u32) {
+    pub(super) fn release(&mut self, key: u32) {
         if let Some(keyframe) = self.by_key.get_mut(&key) {
             keyframe.references = keyframe.references.saturating_sub(1);
             if keyframe.references == 0 {

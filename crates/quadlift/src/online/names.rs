@@ -16,12 +16,12 @@ pub(super) struct InputIds {
 
 impl InputIds {
     /// Whether any detection had an id.
-    pub fn is_used(&self) -> bool {
+    pub(super) fn is_used(&self) -> bool {
         self.next > 0
     }
 
     /// The number of an id in a frame.
-    pub fn number(&mut self, name: &str, key: u32) -> u32 {
+    pub(super) fn number(&mut self, name: &str, key: u32) -> u32 {
         if let Some((number, last)) = self.by_name.get_mut(name) {
             *last = key;
             return *number;
@@ -33,7 +33,7 @@ impl InputIds {
     }
 
     /// If there are too many, forgets the half that was seen least recently and returns its numbers.
-    pub fn forget_old(&mut self) -> Vec<u32> {
+    pub(super) fn forget_old(&mut self) -> Vec<u32> {
         if self.by_name.len() <= MAX_INPUT_IDS {
             return Vec::new();
         }
@@ -62,7 +62,7 @@ pub(super) struct Categories {
 
 impl Categories {
     /// Categories in the order of their numbers.
-    pub fn new(names: Vec<Option<String>>) -> Self {
+    pub(super) fn new(names: Vec<Option<String>>) -> Self {
         let mut categories = Self::default();
         for name in names {
             categories.add(name.as_deref());
@@ -70,17 +70,17 @@ impl Categories {
         categories
     }
 
-    pub fn names(&self) -> &[Option<String>] {
+    pub(super) fn names(&self) -> &[Option<String>] {
         &self.names
     }
 
     /// The number of a known category.
-    pub fn find(&self, name: Option<&str>) -> Option<u16> {
+    pub(super) fn find(&self, name: Option<&str>) -> Option<u16> {
         name.map_or(self.none, |name| self.by_name.get(name).copied())
     }
 
     /// Adds a category; the caller ensures that there are at most [`super::MAX_CATEGORIES`].
-    pub fn add(&mut self, name: Option<&str>) -> u16 {
+    pub(super) fn add(&mut self, name: Option<&str>) -> u16 {
         let index = self.names.len() as u16;
         match name {
             Some(name) => {

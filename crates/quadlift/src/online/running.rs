@@ -47,7 +47,7 @@ pub(super) struct Running {
 }
 
 impl Running {
-    pub fn new(pixel_sd: f64) -> Self {
+    pub(super) fn new(pixel_sd: f64) -> Self {
         Self {
             frames: 0,
             boxes: 0,
@@ -69,27 +69,27 @@ impl Running {
     }
 
     /// Whether all lists have the right length for this number of categories.
-    pub fn has_categories(&self, count: usize) -> bool {
+    pub(super) fn has_categories(&self, count: usize) -> bool {
         let counts = [self.category_counts.len(), self.given_sizes.len(), self.statistics.log_sizes.len()];
         counts.iter().all(|&n| n == count) && self.histogram.len() == BINS && self.statistics.hidden.is_empty()
     }
 
     /// Whether all counts are within [`MOST`].
-    pub fn is_countable(&self) -> bool {
+    pub(super) fn is_countable(&self) -> bool {
         let assigned = self.assigned.unsigned_abs();
         [self.frames, self.boxes, assigned, self.shift_frames].iter().all(|&n| n < MOST)
             && self.histogram.iter().chain(&self.category_counts).all(|&n| n < MOST)
     }
 
     /// Adds a category.
-    pub fn add_category(&mut self, size: Option<LogSize>) {
+    pub(super) fn add_category(&mut self, size: Option<LogSize>) {
         self.category_counts.push(0);
         self.given_sizes.push(size);
         self.statistics.log_sizes.push(size);
     }
 
     /// Counts a box by its log half sizes.
-    pub fn count_box(&mut self, log_half: [f64; 2], half_size: f64, category: usize) {
+    pub(super) fn count_box(&mut self, log_half: [f64; 2], half_size: f64, category: usize) {
         self.boxes += 1;
         self.category_counts[category] += 1;
         for value in log_half {
@@ -101,14 +101,14 @@ impl Running {
     }
 
     /// The distribution of box sizes.
-    pub fn box_sizes(&self) -> BoxSizes {
+    pub(super) fn box_sizes(&self) -> BoxSizes {
         let count = (2 * self.boxes).max(1) as f64;
         let mean = self.log_sizes[0] / count;
         BoxSizes::new(mean, (self.log_sizes[1] / count - mean * mean).max(0.0))
     }
 
     /// Half size below which predicted boxes are not expected to be detected, pixels.
-    pub fn least_half_size(&self) -> f64 {
+    pub(super) fn least_half_size(&self) -> f64 {
         let below = (0.02 * self.boxes as f64) as u64;
         let mut sum = 0;
         for (bin, &count) in self.histogram.iter().enumerate() {
@@ -121,24 +121,24 @@ impl Running {
     }
 
     /// Share of the boxes in each category.
-    pub fn category_share(&self) -> Vec<f64> {
+    pub(super) fn category_share(&self) -> Vec<f64> {
         self.category_counts.iter().map(|&n| 1e-9 + n as f64 / self.boxes.max(1) as f64).collect()
     }
 
     /// Detection rate of confirmed objects in clear views.
-    pub fn detection_share(&self) -> f64 {
+    pub(super) fn detection_share(&self) -> f64 {
         (self.clear_detected + RATE_PRIOR[0] * RATE_PRIOR[1]) / (self.clear + RATE_PRIOR[0])
     }
 
     /// Updates the clutter rate.
-    pub fn learn_clutter(&mut self) {
+    pub(super) fn learn_clutter(&mut self) {
         let (frames, all) = (self.frames.max(1) as f64, self.boxes as f64);
         let free = (all - self.assigned as f64) / frames;
         self.statistics.log_clutter_rate = free.max(0.02 * all / frames).max(0.02).ln();
     }
 
     /// Updates the standard deviation of frame shifts with the shift of a frame.
-    pub fn learn_shift(&mut self, shift: &FrameShift) {
+    pub(super) fn learn_shift(&mut self, shift: &FrameShift) {
         self.shift_frames += 1;
         self.shift_squares += shift.expected_square();
         if let Some(sd) = spread(self.shift_squares, self.shift_frames as usize) {

@@ -46,12 +46,12 @@ impl Motions {
 
 impl KeptView {
     /// Number of boxes that it stands for.
-    pub fn stands_for(&self) -> u32 {
+    pub(super) fn stands_for(&self) -> u32 {
         self.absorbed.as_ref().map_or(1, |absorbed| absorbed.views())
     }
 
     /// Edges of a box less the mean errors of the views it stands for.
-    pub fn averaged(&self, edges: [f64; 4]) -> [f64; 4] {
+    pub(super) fn averaged(&self, edges: [f64; 4]) -> [f64; 4] {
         match &self.absorbed {
             Some(absorbed) => std::array::from_fn(|e| edges[e] + f64::from(absorbed.offset[e])),
             None => edges,
@@ -60,7 +60,7 @@ impl KeptView {
 
     /// Averages the errors of a view that is forgotten into this one. Nothing happens if the two do not measure the same
     /// edges, or if an edge of the other is an outlier.
-    pub fn absorb(
+    pub(super) fn absorb(
         &mut self,
         own: &Camera,
         other: &Self,
@@ -110,7 +110,7 @@ impl KeptView {
     }
 
     /// Corrects the mean for a change of poses; `object` is the body and `old` the camera before it.
-    pub fn follow(&mut self, object: &Object, old: &Camera, motions: &Motions) {
+    pub(super) fn follow(&mut self, object: &Object, old: &Camera, motions: &Motions) {
         let keyframe = f64::from(self.keyframe);
         let Some(absorbed) = &mut self.absorbed else { return };
         let Some((turn, shift)) = motions.at(keyframe) else { return };

@@ -64,7 +64,7 @@ const MAX_INPUT_IDS: usize = 32;
 
 impl Tracked {
     /// An object without views, seen between two times.
-    pub fn new(id: ObjectId, object: Object, [first_time, last_time]: [f64; 2]) -> Self {
+    pub(super) fn new(id: ObjectId, object: Object, [first_time, last_time]: [f64; 2]) -> Self {
         Self {
             id,
             object,
@@ -92,7 +92,7 @@ impl Tracked {
     }
 
     /// Adds to the count of an id.
-    pub fn count_id(&mut self, input_id: Option<u32>, times: u32) {
+    pub(super) fn count_id(&mut self, input_id: Option<u32>, times: u32) {
         let Some(id) = input_id else { return };
         if let Some((_, count)) = self.input_ids.iter_mut().find(|(known, _)| *known == id) {
             *count += times;
@@ -102,7 +102,7 @@ impl Tracked {
     }
 
     /// Removes a detection from the counts.
-    pub fn uncount(&mut self, view: &KeptView, input_id: Option<u32>) {
+    pub(super) fn uncount(&mut self, view: &KeptView, input_id: Option<u32>) {
         if let Some((_, count)) = self.input_ids.iter_mut().find(|(known, _)| Some(*known) == input_id) {
             *count = count.saturating_sub(1);
         }
@@ -112,7 +112,7 @@ impl Tracked {
     }
 
     /// Adds a view in the order of frames, without a fit.
-    pub fn add_view(&mut self, view: KeptView, input_id: Option<u32>) {
+    pub(super) fn add_view(&mut self, view: KeptView, input_id: Option<u32>) {
         self.count(&view, input_id);
         self.last_keyframe = self.last_keyframe.max(view.keyframe);
         let place = self.views.partition_point(|v| v.keyframe < view.keyframe);
@@ -125,26 +125,26 @@ impl Tracked {
     }
 
     /// Removes a view.
-    pub fn take_view(&mut self, place: usize) -> KeptView {
+    pub(super) fn take_view(&mut self, place: usize) -> KeptView {
         let view = self.views.remove(place);
         self.renumber();
         view
     }
 
     /// Replaces the fit.
-    pub fn replace_fit(&mut self, fitted: Object) {
+    pub(super) fn replace_fit(&mut self, fitted: Object) {
         let Object { forgotten, visible, trusted_id, .. } = self.object;
         self.object = Object { forgotten, visible, trusted_id, ..fitted };
         self.fitted_views = self.object.views();
     }
 
     /// Whether it has a kept view of a frame.
-    pub fn is_seen_in(&self, keyframe: u32) -> bool {
+    pub(super) fn is_seen_in(&self, keyframe: u32) -> bool {
         self.views.binary_search_by_key(&keyframe, |v| v.keyframe).is_ok()
     }
 
     /// Numbers the boxes of the fit by the views.
-    pub fn renumber(&mut self) {
+    pub(super) fn renumber(&mut self) {
         let count = self.views.len() as u32;
         self.object.boxes.clear();
         self.object.boxes.reserve_exact(self.views.capacity());

@@ -56,14 +56,14 @@ pub(super) struct Absorbed {
 
 impl Absorbed {
     /// Whether all numbers are in their ranges.
-    pub fn is_valid(&self) -> bool {
+    pub(super) fn is_valid(&self) -> bool {
         let is_visit = |visit: &Visit| (0.0..=f64::from(u32::MAX)).contains(&visit.mean_key) && visit.views >= 1;
         let are_visits = (1..=MOST_VISITS).contains(&self.visits.len()) && self.visits.iter().all(is_visit);
         are_visits && self.offset.iter().all(|x| x.is_finite())
     }
 
     /// Number of boxes in the mean, including its own.
-    pub fn views(&self) -> u32 {
+    pub(super) fn views(&self) -> u32 {
         self.visits.iter().fold(1, |sum, visit| sum.saturating_add(visit.views))
     }
 }
@@ -78,7 +78,7 @@ pub(super) struct Visit {
 }
 
 impl Visit {
-    pub fn and(self, other: Self) -> Self {
+    pub(super) fn and(self, other: Self) -> Self {
         let views = self.views.saturating_add(other.views);
         let share = f64::from(other.views) / f64::from(views);
         Self { mean_key: self.mean_key + share * (other.mean_key - self.mean_key), views }
@@ -116,7 +116,7 @@ pub(super) fn from_bits(bits: u8) -> [bool; 4] {
 
 impl KeptView {
     /// The box as association uses it, less the shift of its frame; `frame` is the place of its camera in a list.
-    pub fn observation(&self, frame: usize, shift: &Vector2<f64>) -> BoxObservation {
+    pub(super) fn observation(&self, frame: usize, shift: &Vector2<f64>) -> BoxObservation {
         let edges = std::array::from_fn(|e| f64::from(self.edges[e]) - shift[e % 2]);
         BoxObservation {
             detection: usize::from(self.detection),
@@ -127,7 +127,7 @@ impl KeptView {
     }
 
     /// Whether this is the detection of another view.
-    pub fn is_same(&self, other: &Self) -> bool {
+    pub(super) fn is_same(&self, other: &Self) -> bool {
         (self.keyframe, self.detection) == (other.keyframe, other.detection)
     }
 

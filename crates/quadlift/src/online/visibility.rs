@@ -23,7 +23,7 @@ fn cell_at(point: &Vector3<f64>, level: i32) -> [i64; 3] {
 
 impl VisibilityIndex {
     /// Puts a slot where cameras within `range` of `center` find it.
-    pub fn put(&mut self, slot: u32, center: &Vector3<f64>, range: f64) {
+    pub(super) fn put(&mut self, slot: u32, center: &Vector3<f64>, range: f64) {
         let level = range.log2().clamp(LEVELS[0], LEVELS[1]).ceil() as i32;
         let place = (level, cell_at(center, level));
         if self.places.len() <= slot as usize {
@@ -38,7 +38,7 @@ impl VisibilityIndex {
     }
 
     /// Takes a slot out.
-    pub fn remove(&mut self, slot: u32) {
+    pub(super) fn remove(&mut self, slot: u32) {
         let Some((level, cell)) = self.places.get_mut(slot as usize).and_then(Option::take) else { return };
         let Some(cells) = self.levels.get_mut(&level) else { return };
         if let Some(slots) = cells.get_mut(&cell) {
@@ -53,7 +53,7 @@ impl VisibilityIndex {
     }
 
     /// The slots that a camera may see, ascending; some of them are farther away than their range.
-    pub fn near(&self, camera: &Vector3<f64>) -> Vec<u32> {
+    pub(super) fn near(&self, camera: &Vector3<f64>) -> Vec<u32> {
         let mut found = Vec::new();
         for (&level, cells) in &self.levels {
             let [x, y, z] = cell_at(camera, level);

@@ -10,10 +10,14 @@ use super::parts::Detection;
 use crate::geometry::{BoundingBox, Ellipse, Projection, SupportLines};
 
 /// Edges this close to the image border (pixels) count as cut off. KITTI's boxes end at 1241 to 1243 of 1242 pixels.
-pub const BORDER_TOLERANCE_PX: f64 = 2.0;
+pub(crate) const BORDER_TOLERANCE_PX: f64 = 2.0;
 
 /// Which of the edges `x0, y0, x1, y1` lie within `tolerance` pixels of the image border.
-pub fn edges_at_border(bounding_box: &BoundingBox, image_size: Option<Vector2<f64>>, tolerance: f64) -> [bool; 4] {
+pub(crate) fn edges_at_border(
+    bounding_box: &BoundingBox,
+    image_size: Option<Vector2<f64>>,
+    tolerance: f64,
+) -> [bool; 4] {
     let Some(size) = image_size else { return [false; 4] };
     [
         bounding_box.x0 <= tolerance,

@@ -19,7 +19,7 @@ const SIZE_WEIGHT: f64 = 3.0;
 
 /// A frame in which the object sits near the origin and has about unit size.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ObjectFrame {
+pub(crate) struct ObjectFrame {
     /// Origin in the world.
     pub origin: Point3<f64>,
     /// Length of the frame's unit in world units.
@@ -30,7 +30,7 @@ pub struct ObjectFrame {
 
 impl ObjectFrame {
     /// The frame of an object from its views; `None` when the views do not fix a point in space.
-    pub fn from_views(views: &[View]) -> Option<Self> {
+    pub(crate) fn from_views(views: &[View]) -> Option<Self> {
         let observations: Vec<(Projection, Ellipse)> =
             views.iter().filter_map(|view| Some((view.projection, view.ellipse_or_inscribed()?))).collect();
         let centers: Vec<_> = observations.iter().map(|(projection, ellipse)| (*projection, ellipse.center)).collect();
@@ -40,7 +40,7 @@ impl ObjectFrame {
     }
 
     /// The projection of points in this frame, scaled so that its third row gives the depth in units of the frame.
-    pub fn local_projection(&self, projection: &Projection) -> Matrix3x4<f64> {
+    pub(crate) fn local_projection(&self, projection: &Projection) -> Matrix3x4<f64> {
         let p = projection.matrix();
         let m = p.fixed_columns::<3>(0);
         let last = m * self.origin.coords + p.column(3);
@@ -52,17 +52,17 @@ impl ObjectFrame {
     }
 
     /// A point of this frame in the world.
-    pub fn point_in_world(&self, local: &Vector3<f64>) -> Point3<f64> {
+    pub(crate) fn point_in_world(&self, local: &Vector3<f64>) -> Point3<f64> {
         self.origin + self.axes * local * self.unit
     }
 
     /// A point of the world in this frame.
-    pub fn point_from_world(&self, point: &Point3<f64>) -> Vector3<f64> {
+    pub(crate) fn point_from_world(&self, point: &Point3<f64>) -> Vector3<f64> {
         self.axes.tr_mul(&(point - self.origin)) / self.unit
     }
 
     /// A direction of the world in this frame.
-    pub fn direction_from_world(&self, direction: &Vector3<f64>) -> Vector3<f64> {
+    pub(crate) fn direction_from_world(&self, direction: &Vector3<f64>) -> Vector3<f64> {
         self.axes.tr_mul(direction)
     }
 }

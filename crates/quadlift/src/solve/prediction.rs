@@ -90,7 +90,7 @@ fn cut_iou(measured: &BoundingBox, predicted: &BoundingBox, cut_off: [bool; 4], 
 
 /// Views of one object that are left out together.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Fold {
+pub(crate) struct Fold {
     /// Index of the object among the estimates.
     pub object: usize,
     /// The views that are left out, as indices into [`ObjectViews::views`].
@@ -102,7 +102,7 @@ pub struct Fold {
 
 /// The predictions of the views of a [`Fold`] from the other views of the object.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct FoldPrediction {
+pub(crate) struct FoldPrediction {
     /// One prediction for each view that was left out and has a box or an ellipse; none if the other views determine no
     /// body.
     pub predictions: Vec<Prediction>,
@@ -114,7 +114,7 @@ pub struct FoldPrediction {
 }
 
 /// Leaves the views of a fold out, fits the others by `fit` and predicts those left out.
-pub fn predict_fold(
+pub(crate) fn predict_fold(
     object: &ObjectViews,
     left_out: &[usize],
     border_margin: f64,

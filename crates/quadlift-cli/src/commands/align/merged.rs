@@ -21,14 +21,14 @@ use crate::output::{Output, one_line};
 use crate::words::count;
 
 /// What was written.
-pub struct Written {
+pub(super) struct Written {
     pub text: String,
     pub document: Value,
     pub outcome: Outcome,
 }
 
 /// Merges the maps and writes the result.
-pub fn write(
+pub(super) fn write(
     args: &Args,
     output: &Path,
     [a, b]: [&Map; 2],

@@ -9,7 +9,7 @@ use crate::table::{Cell, MOST_ROWS, Table, rest};
 use crate::words::{count, with_unit};
 
 /// What was assumed, a line.
-pub fn assumptions(args: &Args, [a, b]: [&Map; 2], options: &AlignOptions) -> String {
+pub(super) fn assumptions(args: &Args, [a, b]: [&Map; 2], options: &AlignOptions) -> String {
     let unit = |map: &Map| map.file.length_unit.clone();
     let scale = match (options.scale, unit(a), unit(b)) {
         (None, ..) if args.similarity => "the scale is estimated (--similarity)".to_owned(),
@@ -33,7 +33,7 @@ pub fn assumptions(args: &Args, [a, b]: [&Map; 2], options: &AlignOptions) -> St
 }
 
 /// Why the maps are not aligned.
-pub fn refused(
+pub(super) fn refused(
     found: &Alignment,
     [a, b]: [&MapObjects; 2],
     has_up: bool,
@@ -68,7 +68,7 @@ pub fn refused(
 }
 
 /// What the objects contradict; `is_aligned`: the maps are aligned all the same.
-pub fn contradiction(contradiction: &Contradiction, is_aligned: bool) -> String {
+pub(super) fn contradiction(contradiction: &Contradiction, is_aligned: bool) -> String {
     match contradiction {
         Contradiction::Scale { found, sd, known } => {
             let kept = if is_aligned { "it was kept all the same, and " } else { "check the units, or " };
@@ -83,7 +83,7 @@ pub fn contradiction(contradiction: &Contradiction, is_aligned: bool) -> String 
 }
 
 /// The transforms that were considered, as a table; empty without any.
-pub fn candidates(found: &Alignment) -> String {
+pub(super) fn candidates(found: &Alignment) -> String {
     if found.transforms.is_empty() {
         return String::new();
     }
@@ -100,7 +100,13 @@ pub fn candidates(found: &Alignment) -> String {
 }
 
 /// The transform that was found, and its matches.
-pub fn aligned(title: &str, best: &MapTransform, [a, b]: [&Map; 2], options: &AlignOptions, about: &str) -> String {
+pub(super) fn aligned(
+    title: &str,
+    best: &MapTransform,
+    [a, b]: [&Map; 2],
+    options: &AlignOptions,
+    about: &str,
+) -> String {
     let unit = a.file.length_unit.as_deref();
     let [rotation_sd, position_sd, log_scale_sd] = best.sds();
     let to = &best.a_from_b;

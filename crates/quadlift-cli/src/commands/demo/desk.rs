@@ -11,9 +11,9 @@ use serde::Deserialize;
 use crate::files::make_folder;
 
 /// Names of the files in the folder of the demo.
-pub const SCENE: &str = "scene.json";
-pub const TRUTH: &str = "truth.json";
-pub const WRONG: &str = "wrong-poses.json";
+pub(super) const SCENE: &str = "scene.json";
+pub(super) const TRUTH: &str = "truth.json";
+pub(super) const WRONG: &str = "wrong-poses.json";
 
 /// Files of `assets/demo`: their names and contents.
 macro_rules! files {
@@ -42,7 +42,7 @@ const OTHERS: [(&str, &[u8]); 5] =
 const SHOWN: &[u8] = include_bytes!("../../../assets/demo/shown.json");
 
 /// The desk and the ground truth.
-pub struct Desk {
+pub(super) struct Desk {
     /// Cameras and detections.
     pub scene: SceneFile,
     /// Names and bodies of the true objects.
@@ -61,19 +61,19 @@ struct Shown {
 }
 
 /// Whether a folder is that of an earlier demo: its scene is the demo's.
-pub fn is_of_demo(folder: &Path) -> bool {
+pub(super) fn is_of_demo(folder: &Path) -> bool {
     let scene = OTHERS.iter().find(|(name, _)| *name == SCENE);
     scene.is_some_and(|(name, bytes)| std::fs::read(folder.join(name)).is_ok_and(|found| found == *bytes))
 }
 
 /// The names of all files that [`Desk::write`] writes.
-pub fn names() -> impl Iterator<Item = &'static str> {
+pub(super) fn names() -> impl Iterator<Item = &'static str> {
     OTHERS.iter().chain(FRAMES.iter().flatten()).map(|(name, _)| *name).chain([WRONG])
 }
 
 impl Desk {
     /// Writes images, scene, truth, the scene for other programs, and the scene with wrong poses.
-    pub fn write(folder: &Path) -> anyhow::Result<Self> {
+    pub(super) fn write(folder: &Path) -> anyhow::Result<Self> {
         for name in ["images", "labels", "sparse/0"] {
             make_folder(&folder.join(name))?;
         }

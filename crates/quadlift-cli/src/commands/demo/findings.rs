@@ -13,7 +13,7 @@ use crate::output::DIM;
 use crate::table::{Cell, Table, number};
 
 /// The result of localizing the desk.
-pub struct Findings<'a> {
+pub(super) struct Findings<'a> {
     desk: &'a Desk,
     result: &'a SceneFile,
     /// For each object of the result, its body and the thing it shows.
@@ -23,7 +23,7 @@ pub struct Findings<'a> {
 
 /// Numbers of detections and of rejected ones.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub struct Boxes {
+pub(super) struct Boxes {
     pub all: usize,
     /// Of nothing, or quite wrong.
     pub wrong: usize,
@@ -35,7 +35,7 @@ pub struct Boxes {
 impl<'a> Findings<'a> {
     /// Compares a result, which has the detections of the scene, with the ground truth. An object is matched to the
     /// true object with which it shares the most detections.
-    pub fn new(desk: &'a Desk, result: &'a SceneFile) -> anyhow::Result<Self> {
+    pub(super) fn new(desk: &'a Desk, result: &'a SceneFile) -> anyhow::Result<Self> {
         let mut shared: HashMap<&str, BTreeMap<usize, usize>> = HashMap::new();
         for (record, thing) in result.detections.iter().zip(&desk.true_objects) {
             if let (Some(object), Some(thing)) = (&record.object, thing) {
@@ -59,20 +59,20 @@ impl<'a> Findings<'a> {
     }
 
     /// Numbers of found and of true objects.
-    pub fn found(&self) -> [usize; 2] {
+    pub(super) fn found(&self) -> [usize; 2] {
         let found: HashSet<usize> = self.localized().filter_map(|(.., thing)| thing).collect();
         [found.len(), self.desk.truth.len()]
     }
 
     /// Names of the things that were not found.
-    pub fn missing(&self) -> Vec<String> {
+    pub(super) fn missing(&self) -> Vec<String> {
         let found: HashSet<usize> = self.localized().filter_map(|(.., thing)| thing).collect();
         let names = self.desk.truth.iter().enumerate().filter(|(thing, _)| !found.contains(thing));
         names.map(|(_, (name, _))| name.clone()).collect()
     }
 
     /// Counts of boxes.
-    pub fn boxes(&self) -> Boxes {
+    pub(super) fn boxes(&self) -> Boxes {
         let used: HashSet<(&str, &str)> = self
             .localized()
             .flat_map(|(object, ..)| {
@@ -99,7 +99,7 @@ impl<'a> Findings<'a> {
     }
 
     /// One row per object: category, number of views, size, uncertainty and error.
-    pub fn table(&self) -> String {
+    pub(super) fn table(&self) -> String {
         let mut table = Table::new(["<object", "views", "size [m]", "sd of center [m]", "error of center [m]"]);
         let labels = Labels::of_file(self.result);
         for (object, body, thing) in self.localized() {
@@ -125,7 +125,7 @@ impl<'a> Findings<'a> {
     }
 
     /// The same for programs.
-    pub fn to_json(&self) -> Value {
+    pub(super) fn to_json(&self) -> Value {
         let boxes = self.boxes();
         let objects: Vec<Value> = self
             .localized()

@@ -53,7 +53,7 @@ Next:
   quadlift evaluate quadlift-demo/estimate.json quadlift-demo/truth.json
   quadlift view quadlift-demo/scene.json quadlift-demo/estimate.json"
 )]
-pub struct Args {
+pub(crate) struct Args {
     /// Output folder; it is created if it does not exist, and the files of an earlier demo in it are overwritten
     #[arg(long, value_name = "DIR", default_value = "quadlift-demo")]
     out: PathBuf,
@@ -67,7 +67,7 @@ pub struct Args {
     open: bool,
 }
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let folder = &args.out;
     if folder.exists() && !folder.is_dir() {
         bail!("cannot write to {}: it is a file; expected a folder", folder.display());

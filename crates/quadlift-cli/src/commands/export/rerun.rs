@@ -19,7 +19,7 @@ const QUALITY: u8 = 90;
 
 /// Which files, and where to.
 #[derive(clap::Args)]
-pub struct Args {
+pub(crate) struct Args {
     /// A scene, and files with its estimates and its ground truth
     #[arg(required = true, value_name = "SCENE.json")]
     files: Vec<PathBuf>,
@@ -29,7 +29,7 @@ pub struct Args {
     output: PathBuf,
 }
 
-pub fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
+pub(super) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let gathered = Gathered::read(&args.files)?;
     let mut recording = recording(&gathered.content(None), &gathered.times)?;
     if recording.objects.is_empty() && recording.frames.is_empty() {

@@ -8,7 +8,7 @@ use crate::error::Outcome;
 use crate::output::Output;
 
 #[cfg(feature = "parquet")]
-pub fn run(common: &Common, out: &Output) -> anyhow::Result<Outcome> {
+pub(super) fn run(common: &Common, out: &Output) -> anyhow::Result<Outcome> {
     let Common { scene, output } = common;
     let (file, _) = crate::files::read_scene(scene)?;
     file.to_objects().map_err(|error| error.in_file(scene))?;
@@ -18,6 +18,6 @@ pub fn run(common: &Common, out: &Output) -> anyhow::Result<Outcome> {
 }
 
 #[cfg(not(feature = "parquet"))]
-pub fn run(_: &Common, _: &Output) -> anyhow::Result<Outcome> {
+pub(super) fn run(_: &Common, _: &Output) -> anyhow::Result<Outcome> {
     crate::error::usage(crate::words::NO_PARQUET)
 }

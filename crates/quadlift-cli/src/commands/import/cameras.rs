@@ -17,7 +17,7 @@ use crate::words::count;
 
 /// Where the scene goes.
 #[derive(clap::Args)]
-pub struct CameraArgs {
+pub(super) struct CameraArgs {
     /// Output: the scene file
     #[arg(short, long, value_name = "SCENE.json")]
     output: PathBuf,
@@ -28,7 +28,7 @@ pub struct CameraArgs {
 }
 
 /// Reads a file or folder and writes the scene.
-pub fn import(
+pub(super) fn import(
     format: &PoseFormat,
     path: &Path,
     options: &ReadOptions,

@@ -18,7 +18,7 @@ use crate::output::{Output, one_line};
 
 /// The scene, and how detections are added to it.
 #[derive(clap::Args)]
-pub struct DetectionArgs {
+pub(super) struct DetectionArgs {
     /// The scene to add the detections to
     #[arg(long, value_name = "SCENE.json")]
     into: PathBuf,
@@ -61,7 +61,7 @@ impl DetectionArgs {
 }
 
 /// Adds the detections in a file or folder to the scene.
-pub fn import(
+pub(super) fn import(
     format: &DetectionFormat,
     path: &Path,
     options: &ReadOptions,

@@ -8,7 +8,7 @@ use crate::corrections::DetectionPixels;
 
 /// Matching of images and selection of detections.
 #[derive(clap::Args)]
-pub struct Matching {
+pub(crate) struct Matching {
     /// How to match images to frames: auto, name, stem (name without extension), index or time
     #[arg(long = "match", value_enum, value_name = "HOW", default_value_t = By::Auto, hide_possible_values = true)]
     by: By,
@@ -29,7 +29,7 @@ enum By {
 
 impl Matching {
     /// How detections of a format are added, given the options of its reader.
-    pub fn options<'a>(
+    pub(crate) fn options<'a>(
         &self,
         source: &'a str,
         pixels: DetectionPixels,

@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 use quadlift_io::SceneFile;
 
 /// The relative path from the folder of an output file to another folder. Absolute if they have no common root.
-pub fn relative_to_file(folder: &Path, file: &Path) -> io::Result<PathBuf> {
+pub(crate) fn relative_to_file(folder: &Path, file: &Path) -> io::Result<PathBuf> {
     let from = match file.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
@@ -27,7 +27,7 @@ fn way(from: &Path, to: &Path) -> PathBuf {
 }
 
 /// Puts a folder before the paths of all images and masks, and another one before those of depth images.
-pub fn prefix_images(scene: &mut SceneFile, prefix: &Path, of_depths: &Path) {
+pub(crate) fn prefix_images(scene: &mut SceneFile, prefix: &Path, of_depths: &Path) {
     let put_before = |prefix: &Path, path: &mut String| {
         // With slashes on every system, as JSON files have them.
         let joined = prefix.join(&*path);

@@ -11,7 +11,7 @@ use crate::words::{count, some_of};
 const MOST_TOLD: usize = 10;
 
 /// Prints what was left out.
-pub fn tell_problems(import: &Import, out: &Output) {
+pub(crate) fn tell_problems(import: &Import, out: &Output) {
     import.problems.iter().take(MOST_TOLD).for_each(|problem| out.warning(problem));
     if import.problem_count > MOST_TOLD {
         out.warning(&format!("{} more problems of this log", import.problem_count - MOST_TOLD));
@@ -19,7 +19,7 @@ pub fn tell_problems(import: &Import, out: &Output) {
 }
 
 /// The added detections, in one line.
-pub fn in_words(added: &AddedDetections, source: &str) -> String {
+pub(crate) fn in_words(added: &AddedDetections, source: &str) -> String {
     let images = added.matched_images + added.images_without_frame.len();
     let found = if images == added.matched_images {
         count(images, "image")
@@ -34,7 +34,7 @@ pub fn in_words(added: &AddedDetections, source: &str) -> String {
 }
 
 /// Assumptions and skipped detections.
-pub fn notes(added: &AddedDetections) -> Vec<String> {
+pub(crate) fn notes(added: &AddedDetections) -> Vec<String> {
     let mut notes = added.notes.clone();
     if !added.images_without_frame.is_empty() {
         notes.push(format!(
@@ -74,7 +74,7 @@ fn has_or_have(n: usize, singular: &str) -> String {
 }
 
 /// The added detections as JSON.
-pub fn to_json(added: &AddedDetections, notes: &[String]) -> Value {
+pub(crate) fn to_json(added: &AddedDetections, notes: &[String]) -> Value {
     json!({
         "detections": added.added,
         "with_object": added.with_object,

@@ -41,7 +41,7 @@ Examples:
 Exit codes: 0 success; 1 a scene failed, or none of its objects could be localized; 2 wrong usage; 3 a scene is
 inconsistent (poses, cameras and boxes do not fit together), and --accept-inconsistent is not given."
 )]
-pub struct Args {
+pub(crate) struct Args {
     /// Scene files, folders that hold them, patterns in quotes, or logs in MCAP; - is the standard input
     #[arg(required_unless_present = "cameras", conflicts_with = "cameras", value_name = "SCENE.json")]
     pub(super) scenes: Vec<PathBuf>,
@@ -82,7 +82,7 @@ pub struct Args {
 }
 
 /// The command, in which the option that has no effect on scene files and logs needs `--cameras`.
-pub fn with_requirements(command: clap::Command) -> clap::Command {
+pub(crate) fn with_requirements(command: clap::Command) -> clap::Command {
     command.mut_arg("by", |option| option.requires("cameras"))
 }
 

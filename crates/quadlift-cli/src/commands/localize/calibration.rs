@@ -8,7 +8,7 @@ use quadlift_io::{SceneFile, read_scene_file};
 use crate::words::count;
 
 /// The requested calibration in the format of results.
-pub fn read_calibration(paths: &[PathBuf]) -> anyhow::Result<Option<CalibrationRecord>> {
+pub(super) fn read_calibration(paths: &[PathBuf]) -> anyhow::Result<Option<CalibrationRecord>> {
     if paths.is_empty() {
         return Ok(None);
     }
@@ -21,7 +21,7 @@ pub fn read_calibration(paths: &[PathBuf]) -> anyhow::Result<Option<CalibrationR
 }
 
 /// The calibration in one line.
-pub fn calibration_in_words(record: &CalibrationRecord) -> String {
+pub(super) fn calibration_in_words(record: &CalibrationRecord) -> String {
     // The quantile of chi-square with 3 degrees of freedom.
     let said = match record.squared_distance.center.p95 {
         Some(limit) => format!("the 95 % region of a center ends at a squared distance of {limit:.2} instead of 7.81"),

@@ -19,7 +19,7 @@ use crate::words::count;
 /// Cameras and detections in other programs' files.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Files of other programs")]
-pub struct DirectArgs {
+pub(super) struct DirectArgs {
     /// Cameras and poses: whatever `quadlift import` reads, or a scene file
     #[arg(long, value_name = "PATH", requires = "detections")]
     cameras: Option<PathBuf>,
@@ -37,23 +37,23 @@ pub struct DirectArgs {
 
 impl DirectArgs {
     /// The minimum score of detections.
-    pub fn min_score(&self) -> Option<f64> {
+    pub(super) fn min_score(&self) -> Option<f64> {
         self.matching.min_score
     }
 
     /// The options of readers that were given.
-    pub fn given(&self) -> &Given<ReadOptions> {
+    pub(super) fn given(&self) -> &Given<ReadOptions> {
         &self.reading.given
     }
 
     /// Paths of cameras and detections, if given.
-    pub fn paths(&self) -> Option<(&Path, &Path)> {
+    pub(super) fn paths(&self) -> Option<(&Path, &Path)> {
         self.cameras.as_deref().zip(self.detections.as_deref())
     }
 
     /// The scene, with the detections of one source. Paths of images are relative to the output. What was read is
     /// reported. Returns the number that the detections give to the frame number 0 too.
-    pub fn read(
+    pub(super) fn read(
         &self,
         [cameras, detections]: [&Path; 2],
         output: Option<&Path>,

@@ -28,7 +28,7 @@ use crate::words::{count, duration};
 
 /// What `--json` says of a scene.
 #[derive(Serialize, Default)]
-pub struct SceneDocument {
+pub(super) struct SceneDocument {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cameras: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -54,7 +54,7 @@ pub struct SceneDocument {
 
 /// Reads and localizes a scene, writes and prints the result and adds it to the JSON document. `name` is the scene's in
 /// messages.
-pub fn one_scene(
+pub(super) fn one_scene(
     name: &Path,
     read: impl FnOnce() -> anyhow::Result<FileInput>,
     [output, report]: [Option<&Path>; 2],

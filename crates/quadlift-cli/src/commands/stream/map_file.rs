@@ -15,7 +15,7 @@ use crate::output::Output;
 use crate::report::write_localized;
 
 /// The files that are written, and what they depend on.
-pub struct MapFiles<'a> {
+pub(super) struct MapFiles<'a> {
     /// The result file.
     pub map: Option<&'a Path>,
     /// The state.
@@ -34,13 +34,13 @@ pub struct MapFiles<'a> {
 
 impl MapFiles<'_> {
     /// Whether anything is written before the end.
-    pub fn any_on_the_way(&self) -> bool {
+    pub(super) fn any_on_the_way(&self) -> bool {
         self.map.is_some() || self.state.is_some()
     }
 
     /// Writes map and state on the way. The state goes on without what happens at the end of a stream, so that it does not
     /// matter how often it was written.
-    pub fn write(&self, stream: &StreamState, out: &Output) -> anyhow::Result<()> {
+    pub(super) fn write(&self, stream: &StreamState, out: &Output) -> anyhow::Result<()> {
         if self.map.is_some() {
             let mut settled = stream.map.clone();
             settled.settle();
@@ -50,7 +50,7 @@ impl MapFiles<'_> {
     }
 
     /// Writes map, state and report at the end; `settled` is the settled map.
-    pub fn write_at_end(&self, stream: &StreamState, settled: &ObjectMap, out: &Output) -> anyhow::Result<()> {
+    pub(super) fn write_at_end(&self, stream: &StreamState, settled: &ObjectMap, out: &Output) -> anyhow::Result<()> {
         if self.map.is_some() || self.report.is_some() {
             self.write_map(settled, &stream.scene, self.report, out)?;
         }

@@ -55,7 +55,7 @@ const ENDED: &str = "the Python process has ended";
 
 /// Where records go.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Target {
+pub(super) enum Target {
     /// The viewer on this machine, which is started if there is none.
     Local,
     /// A viewer with this address.
@@ -66,7 +66,7 @@ pub enum Target {
 
 impl Target {
     /// Reads the value of `--rerun`.
-    pub fn parse(text: &str) -> Result<Self, String> {
+    pub(super) fn parse(text: &str) -> Result<Self, String> {
         let lower = text.to_ascii_lowercase();
         if text.is_empty() {
             return Ok(Self::Local);
@@ -88,7 +88,7 @@ impl Target {
 }
 
 /// A live view.
-pub struct Live<'a> {
+pub(super) struct Live<'a> {
     map: LiveMap,
     /// The folder that paths of images are relative to.
     folder: PathBuf,
@@ -103,7 +103,7 @@ pub struct Live<'a> {
 
 impl<'a> Live<'a> {
     /// Starts Python, and waits until it has opened the target.
-    pub fn start(target: &Target, input: Option<&Path>, out: &'a Output) -> anyhow::Result<Self> {
+    pub(super) fn start(target: &Target, input: Option<&Path>, out: &'a Output) -> anyhow::Result<Self> {
         let python =
             std::env::var_os(PYTHON).unwrap_or_else(|| if cfg!(windows) { "python" } else { "python3" }.into());
         let shown = python.to_string_lossy().into_owned();
@@ -147,12 +147,17 @@ impl<'a> Live<'a> {
     }
 
     /// The direction against gravity, from the next record on.
-    pub fn up(&mut self, up: [f64; 3]) {
+    pub(super) fn up(&mut self, up: [f64; 3]) {
         self.up = Vector3::from(up).try_normalize(0.0).map(Into::into);
     }
 
     /// Logs a frame that was observed, and its image.
-    pub fn frame(&mut self, map: &ObjectMap, (checked, image): (&CheckedFrame, Option<&str>), update: &FrameUpdate) {
+    pub(super) fn frame(
+        &mut self,
+        map: &ObjectMap,
+        (checked, image): (&CheckedFrame, Option<&str>),
+        update: &FrameUpdate,
+    ) {
         let mut record = self.map.frame(map, &checked.frame, &checked.detections(), update);
         // Boxes are those of a pinhole camera, and so are images without a lens.
         if let (Some(frame), Some(image), None) = (&mut record.frame, image, &checked.frame.lens) {
@@ -162,13 +167,13 @@ impl<'a> Live<'a> {
     }
 
     /// Logs new poses, or the end.
-    pub fn others(&mut self, map: &ObjectMap, update: &FrameUpdate) {
+    pub(super) fn others(&mut self, map: &ObjectMap, update: &FrameUpdate) {
         let record = self.map.others(map, update);
         self.log(record);
     }
 
     /// Logs an error in the input.
-    pub fn error(&mut self, map: &ObjectMap, text: String) {
+    pub(super) fn error(&mut self, map: &ObjectMap, text: String) {
         self.log(LiveRecord::of_event(map, LiveEvent::error(text)));
     }
 
@@ -189,7 +194,7 @@ impl<'a> Live<'a> {
     }
 
     /// Waits until everything is logged.
-    pub fn finish(mut self) {
+    pub(super) fn finish(mut self) {
         if self.records.take().is_none() {
             return;
         }

@@ -23,7 +23,7 @@ use crate::output::{HEADING, Output};
 use crate::words::count;
 
 /// The state of a stream.
-pub struct Session<'a> {
+pub(super) struct Session<'a> {
     stream: StreamState,
     /// What is passed over of an input that is fed again.
     passed: Option<Passed>,
@@ -92,7 +92,7 @@ const OTHER_RECORDING: &str =
 
 impl<'a> Session<'a> {
     /// A stream from its beginning, or from where its state is.
-    pub fn new(
+    pub(super) fn new(
         map_options: OnlineOptions,
         args: &Args,
         (lasting, pose_noise): (&Map<String, Value>, Option<PoseNoise>),
@@ -128,12 +128,12 @@ impl<'a> Session<'a> {
     }
 
     /// Shows the stream in Rerun from now on.
-    pub fn show(&mut self, live: Live<'a>) {
+    pub(super) fn show(&mut self, live: Live<'a>) {
         self.live = Some(live);
     }
 
     /// Observes all frames of the input, until it ends, a signal comes or nobody reads the events.
-    pub fn run(&mut self, source: &mut Source, files: &MapFiles) -> anyhow::Result<()> {
+    pub(super) fn run(&mut self, source: &mut Source, files: &MapFiles) -> anyhow::Result<()> {
         source.tell_that_it_waits(self.out);
         let needs_meters = matches!(files.options.priors, PriorSource::Builtin);
         if let Some(about) = source.about() {
@@ -284,7 +284,7 @@ impl<'a> Session<'a> {
     }
 
     /// Settles the map, prints what that has changed, and writes the files; returns what has come out, in one line.
-    pub fn end(&mut self, files: &MapFiles) -> (String, anyhow::Result<()>) {
+    pub(super) fn end(&mut self, files: &MapFiles) -> (String, anyhow::Result<()>) {
         let mut settled = self.stream.map.clone();
         let update = settled.settle();
         if let Some(mut live) = self.live.take() {
@@ -300,7 +300,7 @@ impl<'a> Session<'a> {
     }
 
     /// Whether files could not be written on the way.
-    pub fn has_failed_writes(&self) -> bool {
+    pub(super) fn has_failed_writes(&self) -> bool {
         self.failed_writes > 0
     }
 

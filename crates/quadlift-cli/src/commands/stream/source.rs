@@ -21,7 +21,7 @@ use crate::words::some_of;
 const WAITING: usize = 4;
 
 /// What comes next.
-pub enum Item {
+pub(super) enum Item {
     /// A line of the input.
     Line(NextLine),
     /// A frame of a scene or of a log.
@@ -42,7 +42,7 @@ enum Message {
 }
 
 /// Where frames come from.
-pub struct Source {
+pub(super) struct Source {
     kind: Kind,
     is_stopped: Arc<AtomicBool>,
 }
@@ -56,7 +56,7 @@ enum Kind {
 impl Source {
     /// Opens the input; `None` is the standard input. Names that end with `.json` are scene files, logs are known by their
     /// first bytes.
-    pub fn open(
+    pub(super) fn open(
         path: Option<&Path>,
         source: Option<&str>,
         log_options: McapOptions,
@@ -97,7 +97,7 @@ impl Source {
     }
 
     /// Says on a terminal that the program waits for lines.
-    pub fn tell_that_it_waits(&self, out: &Output) {
+    pub(super) fn tell_that_it_waits(&self, out: &Output) {
         if let Kind::Lines { from, .. } = &self.kind
             && from.as_os_str() == "standard input"
             && io::stdin().is_terminal()
@@ -107,7 +107,7 @@ impl Source {
     }
 
     /// Name, unit, direction and cameras of a scene file or a log, the first time.
-    pub fn about(&mut self) -> Option<AboutRecord> {
+    pub(super) fn about(&mut self) -> Option<AboutRecord> {
         match &mut self.kind {
             Kind::Lines { .. } => None,
             Kind::Scene { about, .. } | Kind::Log { about, .. } => about.take(),
@@ -115,7 +115,7 @@ impl Source {
     }
 
     /// The next line or frame; waits for it.
-    pub fn next(&mut self) -> anyhow::Result<Item> {
+    pub(super) fn next(&mut self) -> anyhow::Result<Item> {
         if self.is_stopped.load(Ordering::Relaxed) {
             return Ok(Item::End);
         }

@@ -8,7 +8,7 @@ use crate::output::one_line;
 use crate::words::count;
 
 /// A line of the output as text, with the labels that the objects have in the map.
-pub fn in_words(line: &OutputLine, map: &ObjectMap) -> String {
+pub(super) fn in_words(line: &OutputLine, map: &ObjectMap) -> String {
     let name = |id: &str| {
         let object = map.objects().chain(map.tentative_objects()).find(|object| object.id.to_string() == id);
         let category = object.and_then(|object| object.categories.into_iter().next()?.0);

@@ -16,7 +16,7 @@ const OUTLINE_NOISE: f64 = 0.03;
 /// Outlines, turned boxes, depths and 3D boxes.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Outlines, depths and 3D boxes")]
-pub struct CueArgs {
+pub(super) struct CueArgs {
     /// What each detection carries besides its box: any of outline, oriented_box, depth, box3d
     #[arg(long, value_name = "CUE,...", value_delimiter = ',', value_enum)]
     cues: Vec<Cue>,
@@ -100,12 +100,12 @@ fn cue_noise(text: &str) -> Result<CueNoise, String> {
 
 impl CueArgs {
     /// Whether detections carry more than boxes.
-    pub fn is_used(&self) -> bool {
+    pub(super) fn is_used(&self) -> bool {
         !self.cues.is_empty()
     }
 
     /// The errors of depths and 3D boxes, and of outlines and turned boxes; or what does not fit together.
-    pub fn options(&self) -> Result<(CueOptions, ShapeOptions), String> {
+    pub(super) fn options(&self) -> Result<(CueOptions, ShapeOptions), String> {
         let (mut depth, mut box3d) = (DepthNoise::default(), Box3dNoise::default());
         let (mut outline, mut turned) = (OUTLINE_NOISE, TurnedNoise::default());
         for &CueNoise { kind, amount } in &self.cue_noise {
@@ -149,7 +149,7 @@ fn bodies(synthetic: &SyntheticScene) -> impl Fn(usize, &Detection) -> Option<Bo
 }
 
 /// Gives the detections of true objects in a scene file outlines and turned boxes.
-pub fn add_shapes(file: &mut SceneFile, synthetic: &SyntheticScene, options: &ShapeOptions, seed: u64) {
+pub(super) fn add_shapes(file: &mut SceneFile, synthetic: &SyntheticScene, options: &ShapeOptions, seed: u64) {
     let shapes = simulate_shapes(&synthetic.scene, bodies(synthetic), options, seed);
     for (record, shape) in file.detections.iter_mut().zip(shapes) {
         record.outline = shape.outline.map(Vec::into_boxed_slice);
@@ -158,7 +158,7 @@ pub fn add_shapes(file: &mut SceneFile, synthetic: &SyntheticScene, options: &Sh
 }
 
 /// The scene whose detections of true objects carry depths and 3D boxes; false and wrong boxes have none.
-pub fn with_cues(synthetic: &SyntheticScene, options: &CueOptions, seed: u64) -> Result<Scene, SceneError> {
+pub(super) fn with_cues(synthetic: &SyntheticScene, options: &CueOptions, seed: u64) -> Result<Scene, SceneError> {
     simulate_cues(&synthetic.scene, bodies(synthetic), options, seed)
 }
 

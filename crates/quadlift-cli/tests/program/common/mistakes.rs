@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::Folder;
 
 /// A mistake: what is wrong, how it comes about, what the message and JSON say.
-pub struct Mistake {
+pub(crate) struct Mistake {
     /// Heading of the manual.
     pub title: &'static str,
     /// How it comes about, for the manual.
@@ -19,7 +19,7 @@ pub struct Mistake {
 }
 
 /// A right scene with ids: 8 objects in 12 frames, named by numbers without leading zeros.
-pub fn right_scene(folder: &Folder) -> Value {
+pub(crate) fn right_scene(folder: &Folder) -> Value {
     folder.succeed("synth -o right.json --objects 8 --views 12 --seed 3 --noise box:0.02 --trajectory orbit");
     let mut right = folder.json("right.json");
     let new_id = |old: &Value| json!(format!("{}.jpg", old.as_str().unwrap().parse::<u32>().unwrap() + 1));
@@ -34,10 +34,10 @@ pub fn right_scene(folder: &Folder) -> Value {
 }
 
 /// `[R | t]` by rows.
-pub type Pose = [[f64; 4]; 3];
+pub(crate) type Pose = [[f64; 4]; 3];
 
 /// The scene with other poses, `[R | t]` by rows.
-pub fn with_poses(scene: &Value, change: impl Fn(Pose) -> Pose) -> Value {
+pub(crate) fn with_poses(scene: &Value, change: impl Fn(Pose) -> Pose) -> Value {
     let mut scene = scene.clone();
     for frame in scene["frames"].as_array_mut().unwrap() {
         frame["cam_from_world"] = json!(change(serde_json::from_value(frame["cam_from_world"].clone()).unwrap()));
@@ -46,7 +46,7 @@ pub fn with_poses(scene: &Value, change: impl Fn(Pose) -> Pose) -> Value {
 }
 
 /// The scene with other boxes.
-pub fn with_boxes(scene: &Value, change: impl Fn([f64; 4]) -> [f64; 4]) -> Value {
+pub(crate) fn with_boxes(scene: &Value, change: impl Fn([f64; 4]) -> [f64; 4]) -> Value {
     let mut scene = scene.clone();
     for detection in scene["detections"].as_array_mut().unwrap() {
         detection["box"] = json!(change(serde_json::from_value(detection["box"].clone()).unwrap()));
@@ -55,7 +55,7 @@ pub fn with_boxes(scene: &Value, change: impl Fn([f64; 4]) -> [f64; 4]) -> Value
 }
 
 /// The scene with other intrinsics fx, fy, cx, cy.
-pub fn with_intrinsics(scene: &Value, change: impl Fn([f64; 4]) -> [f64; 4]) -> Value {
+pub(crate) fn with_intrinsics(scene: &Value, change: impl Fn([f64; 4]) -> [f64; 4]) -> Value {
     let mut scene = scene.clone();
     scene["cameras"][0]["params"] =
         json!(change(serde_json::from_value(scene["cameras"][0]["params"].clone()).unwrap()));
@@ -63,7 +63,7 @@ pub fn with_intrinsics(scene: &Value, change: impl Fn([f64; 4]) -> [f64; 4]) -> 
 }
 
 /// The scene with detections in other frames: from the place of a frame to that of another one.
-pub fn with_frames(scene: &Value, place: impl Fn(usize) -> Option<usize>) -> Value {
+pub(crate) fn with_frames(scene: &Value, place: impl Fn(usize) -> Option<usize>) -> Value {
     let mut scene = scene.clone();
     let ids: Vec<Value> = scene["frames"].as_array().unwrap().iter().map(|frame| frame["id"].clone()).collect();
     scene["detections"].as_array_mut().unwrap().retain_mut(|detection| {
@@ -76,7 +76,7 @@ pub fn with_frames(scene: &Value, place: impl Fn(usize) -> Option<usize>) -> Val
 }
 
 /// Poses that map the other way.
-pub fn inverse(m: Pose) -> Pose {
+pub(crate) fn inverse(m: Pose) -> Pose {
     [0, 1, 2].map(|i| {
         let t = -(0..3).map(|k| m[k][i] * m[k][3]).sum::<f64>();
         [m[0][i], m[1][i], m[2][i], t]
@@ -84,12 +84,12 @@ pub fn inverse(m: Pose) -> Pose {
 }
 
 /// Poses with OpenGL's camera axes.
-pub fn opengl(m: Pose) -> Pose {
+pub(crate) fn opengl(m: Pose) -> Pose {
     [m[0], m[1].map(|x| -x), m[2].map(|x| -x)]
 }
 
 /// The mistakes that the self-check is known to name in [`right_scene`].
-pub fn mistakes(right: &Value) -> Vec<Mistake> {
+pub(crate) fn mistakes(right: &Value) -> Vec<Mistake> {
     let [w, h] = ["width", "height"].map(|name| right["cameras"][0][name].as_f64().unwrap());
     let gain = 640.0 / w.max(h);
     let [px, py] = [w, h].map(|x| 0.5 * (640.0 - gain * x));

@@ -1,6 +1,6 @@
 //! What the end-to-end tests share: a temporary folder in which the built program runs.
 
-pub mod mistakes;
+pub(crate) mod mistakes;
 #[path = "../../../../quadlift-io/src/test_data.rs"]
 mod test_data;
 
@@ -12,32 +12,32 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 /// A temporary folder; the program runs in it, so that messages hold short names.
-pub struct Folder(TempDir);
+pub(crate) struct Folder(TempDir);
 
 /// What a run has printed.
-pub struct Run {
+pub(crate) struct Run {
     pub code: i32,
     pub stdout: String,
     pub stderr: String,
 }
 
 impl Folder {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self(tempfile::tempdir().unwrap())
     }
 
-    pub fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
 
-    pub fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+    pub(crate) fn write(&self, name: &str, content: impl AsRef<[u8]>) {
         let path = self.path(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         std::fs::write(path, content).unwrap();
     }
 
     /// Copies the files of a folder and of those in it.
-    pub fn copy(&self, from: &Path) {
+    pub(crate) fn copy(&self, from: &Path) {
         let mut folders = vec![from.to_owned()];
         while let Some(folder) = folders.pop() {
             for entry in std::fs::read_dir(&folder).unwrap().map(Result::unwrap) {
@@ -52,20 +52,20 @@ impl Folder {
         }
     }
 
-    pub fn write_json(&self, name: &str, value: &Value) {
+    pub(crate) fn write_json(&self, name: &str, value: &Value) {
         self.write(name, serde_json::to_string_pretty(value).unwrap());
     }
 
-    pub fn read(&self, name: &str) -> String {
+    pub(crate) fn read(&self, name: &str) -> String {
         std::fs::read_to_string(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
     }
 
-    pub fn json(&self, name: &str) -> Value {
+    pub(crate) fn json(&self, name: &str) -> Value {
         serde_json::from_str(&self.read(name)).unwrap()
     }
 
     /// Names of the files and folders in it.
-    pub fn names(&self) -> Vec<String> {
+    pub(crate) fn names(&self) -> Vec<String> {
         let entries = std::fs::read_dir(self.0.path()).unwrap();
         let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
         names.sort();
@@ -73,30 +73,30 @@ impl Folder {
     }
 
     /// Runs the program with arguments separated by blanks.
-    pub fn run(&self, arguments: &str) -> Run {
+    pub(crate) fn run(&self, arguments: &str) -> Run {
         self.run_list(&arguments.split_whitespace().collect::<Vec<_>>())
     }
 
-    pub fn run_list(&self, arguments: &[&str]) -> Run {
+    pub(crate) fn run_list(&self, arguments: &[&str]) -> Run {
         let output = self.command().args(arguments).output().unwrap();
         Run::from(output)
     }
 
-    pub fn command(&self) -> Command {
+    pub(crate) fn command(&self) -> Command {
         let mut command = Command::cargo_bin("quadlift").unwrap();
         command.current_dir(self.0.path()).env_remove("NO_COLOR").env_remove("CLICOLOR_FORCE");
         command
     }
 
     /// Runs the program, which must succeed; gives its standard output.
-    pub fn succeed(&self, arguments: &str) -> String {
+    pub(crate) fn succeed(&self, arguments: &str) -> String {
         let run = self.run(arguments);
         assert_eq!(run.code, 0, "quadlift {arguments}\n{}{}", run.stdout, run.stderr);
         run.stdout
     }
 
     /// A small synthetic scene without its truth.
-    pub fn small_scene(&self) -> Value {
+    pub(crate) fn small_scene(&self) -> Value {
         self.succeed("synth -o .small.json --objects 2 --views 6 --seed 1 --noise box:0.02");
         let mut scene = self.json(".small.json");
         std::fs::remove_file(self.path(".small.json")).unwrap();
@@ -106,7 +106,7 @@ impl Folder {
 }
 
 /// Makes a small rendered scene with images and true masks: two objects in three frames of 160 x 120 pixels.
-pub const RENDER: &str =
+pub(crate) const RENDER: &str =
     "synth --render -o scene.json --objects 2 --views 3 --image-size 160x120 --kinds ellipsoid --seed 3";
 
 impl From<Output> for Run {
@@ -125,6 +125,6 @@ impl From<Output> for Run {
 }
 
 /// The folder of real scenes, if it is there.
-pub fn real_scenes() -> Option<PathBuf> {
+pub(crate) fn real_scenes() -> Option<PathBuf> {
     std::fs::canonicalize(test_data::real_data("scenes")?).ok()
 }

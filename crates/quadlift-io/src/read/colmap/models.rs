@@ -18,12 +18,12 @@ impl Place {
     }
 
     /// The folder of the model, within another one.
-    pub fn name_in(&self, folder: &Path) -> String {
+    pub(super) fn name_in(&self, folder: &Path) -> String {
         self.folder.strip_prefix(folder).unwrap_or(&self.folder).display().to_string()
     }
 
     /// The model in a folder, or those in its `sparse` and in its folders with numbers, `sparse/0` first.
-    pub fn all_in(folder: &Path) -> Vec<Self> {
+    pub(super) fn all_in(folder: &Path) -> Vec<Self> {
         let sparse = folder.join("sparse");
         let own = Self::of(folder.to_owned()).or_else(|| Self::of(sparse.clone()));
         let numbered = || [sparse.as_path(), folder].into_iter().flat_map(numbered_in).filter_map(Self::of);

@@ -8,7 +8,7 @@ use crate::numbers::significant;
 use crate::text::lines;
 
 /// Default maximum number of points. They take 150 kB in a scene file.
-pub const DEFAULT_POINTS: usize = 5000;
+pub(crate) const DEFAULT_POINTS: usize = 5000;
 
 /// Significant digits of a point, relative to the extent of all points. COLMAP writes 17; triangulated points are not
 /// known to more than four or five.

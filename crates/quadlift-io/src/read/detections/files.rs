@@ -9,7 +9,7 @@ use crate::read::format::Format;
 use crate::scene_file::{Box3dRecord, RleRecord};
 
 /// A file with its bytes.
-pub type File<'a> = (&'a Path, &'a [u8]);
+pub(super) type File<'a> = (&'a Path, &'a [u8]);
 
 /// A format of detections.
 pub type DetectionFormat = Format<DetectionFiles>;
@@ -168,7 +168,7 @@ impl ByImage {
 
 /// A file that holds the detections of one image.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct LabelFile {
+pub(super) struct LabelFile {
     /// Path relative to the folder that was named, with slashes.
     pub name: String,
     /// Path, for messages.

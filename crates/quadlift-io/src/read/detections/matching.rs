@@ -37,7 +37,7 @@ impl MatchBy {
 
 /// Options of the matching.
 #[derive(Debug, Clone, Copy)]
-pub struct MatchOptions {
+pub(super) struct MatchOptions {
     pub by: MatchBy,
     /// The number that the detections give to the frame number 0 of the scene.
     pub frame_offset: Option<i64>,
@@ -48,7 +48,7 @@ pub struct MatchOptions {
 
 /// Which image is which frame.
 #[derive(Debug, Clone, Default)]
-pub struct Matching {
+pub(super) struct Matching {
     pub by: MatchBy,
     /// For each image, the index of its frame; no frame twice.
     pub frame_of_image: Vec<Option<usize>>,
@@ -59,13 +59,17 @@ pub struct Matching {
 }
 
 impl Matching {
-    pub fn count(&self) -> usize {
+    pub(super) fn count(&self) -> usize {
         self.frame_of_image.iter().flatten().count()
     }
 }
 
 /// Matches images to frames. Returns an error message if numbers are ambiguous.
-pub fn match_frames(scene: &SceneFile, images: &[DetectedImage], options: &MatchOptions) -> Result<Matching, String> {
+pub(super) fn match_frames(
+    scene: &SceneFile,
+    images: &[DetectedImage],
+    options: &MatchOptions,
+) -> Result<Matching, String> {
     let ways = match options.by {
         MatchBy::Auto => {
             let any = |has: fn(&ImageKey) -> bool| images.iter().any(|image| has(&image.key));
@@ -104,7 +108,7 @@ pub fn match_frames(scene: &SceneFile, images: &[DetectedImage], options: &Match
 }
 
 /// A name without its extension. The digits after the point of "12.5" are not an extension.
-pub fn stem(name: &str) -> &str {
+pub(super) fn stem(name: &str) -> &str {
     match name.rsplit_once('.') {
         Some((stem, extension))
             if !stem.is_empty() && extension.len() <= 5 && extension.contains(|c: char| c.is_ascii_alphabetic()) =>

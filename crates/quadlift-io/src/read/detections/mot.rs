@@ -38,7 +38,7 @@ const CLASSES: [&str; 13] = [
 
 /// What the columns after the box mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum MotKind {
+pub(super) enum MotKind {
     /// Those of the ground truth, where there are nine of them, all confidences are 0 or 1 and all visibilities in
     /// [0, 1]; those of a tracker otherwise.
     #[default]
@@ -53,7 +53,7 @@ pub enum MotKind {
 
 /// Options that a file does not contain.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct MotOptions<'a> {
+pub(super) struct MotOptions<'a> {
     /// What the columns after the box mean.
     pub kind: MotKind,
     /// Whether the first pixel has the left edge 0, as written by many trackers, instead of 1.

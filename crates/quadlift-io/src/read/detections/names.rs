@@ -13,11 +13,11 @@ use crate::read::options::ReadOptions;
 
 /// Names of classes.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct ClassNames(BTreeMap<u64, String>);
+pub(crate) struct ClassNames(BTreeMap<u64, String>);
 
 impl ClassNames {
     /// The name of a class.
-    pub fn of(&self, class: u64) -> Option<&str> {
+    pub(crate) fn of(&self, class: u64) -> Option<&str> {
         self.0.get(&class).map(String::as_str)
     }
 }

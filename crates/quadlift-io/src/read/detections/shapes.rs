@@ -48,12 +48,12 @@ impl PixelBudget {
     const PER_BYTE: u64 = 1 << 12;
 
     /// The budget of a file of so many bytes.
-    pub fn of_file(bytes: usize) -> Self {
+    pub(super) fn of_file(bytes: usize) -> Self {
         Self(Self::ANY.saturating_add(Self::PER_BYTE.saturating_mul(bytes as u64)))
     }
 
     /// Takes the pixels of a mask from it.
-    pub fn take(&mut self, pixels: u64) -> Result<(), String> {
+    pub(super) fn take(&mut self, pixels: u64) -> Result<(), String> {
         self.0 =
             self.0.checked_sub(pixels).ok_or("the masks have far more pixels than a file of this size describes")?;
         Ok(())

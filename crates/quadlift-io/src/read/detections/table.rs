@@ -33,7 +33,7 @@ const CORNERS: &str = "xyxyxyxy";
 
 /// Options that a table does not contain.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct TableOptions<'a> {
+pub(super) struct TableOptions<'a> {
     /// The column that identifies the image of a row by name, number or time; detected by its name when absent.
     pub frame_column: Option<&'a str>,
     /// Names of the classes.
@@ -47,7 +47,7 @@ pub(super) fn table_options<'a>(options: &'a ReadOptions, names: Option<&'a Clas
 
 /// A row with its place in the file.
 #[derive(Debug)]
-pub struct Row {
+pub(super) struct Row {
     /// Line of the file, where it has lines.
     pub line: Option<usize>,
     /// Entry of the file, where it has entries.
@@ -58,14 +58,14 @@ pub struct Row {
 
 /// A table as text.
 #[derive(Debug)]
-pub struct Table<'a> {
+pub(super) struct Table<'a> {
     pub path: &'a Path,
     pub columns: Vec<String>,
     pub rows: Vec<Row>,
 }
 
 /// Whether a column with this name is used.
-pub fn is_column(name: &str, options: &TableOptions) -> bool {
+pub(super) fn is_column(name: &str, options: &TableOptions) -> bool {
     let is = |known: &str| name.trim().eq_ignore_ascii_case(known);
     let lists: [&[&str]; 6] = [&SCORE, &CATEGORY, &TRACK, &IMAGE, &NUMBER, &TIME];
     EDGES.iter().chain(&SIZES).flatten().chain(lists.into_iter().flatten()).any(|known| is(known))
@@ -133,7 +133,7 @@ impl Table<'_> {
     }
 
     /// The detections of the rows.
-    pub fn detections(&self, options: &TableOptions) -> Result<DetectionFiles, ReadError> {
+    pub(super) fn detections(&self, options: &TableOptions) -> Result<DetectionFiles, ReadError> {
         let (key_column, key_kind) = self.key(options)?;
         let (box_columns, by_size) = match (self.four_of(&EDGES), self.four_of(&SIZES)) {
             (Some(columns), _) => (columns, false),

@@ -7,7 +7,7 @@
 use std::collections::HashSet;
 use std::path::Path;
 
-pub use super::yolo_columns::{ExtraColumns, YoloKind};
+pub(crate) use super::yolo_columns::{ExtraColumns, YoloKind};
 
 use super::files::{
     Detected, DetectedImage, DetectionFiles, DetectionFormat, ImageKey, LabelFile, Numbering, Outline, label_files,
@@ -43,7 +43,7 @@ const OUTSIDE: f64 = 0.5;
 
 /// Options that the files do not contain.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct YoloOptions<'a> {
+pub(crate) struct YoloOptions<'a> {
     /// Coordinates after the class.
     pub kind: YoloKind,
     /// Columns after the coordinates.

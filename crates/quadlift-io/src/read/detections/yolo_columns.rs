@@ -12,7 +12,7 @@ const PARALLEL: f64 = 1e-4;
 
 /// Coordinates after the class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum YoloKind {
+pub(crate) enum YoloKind {
     /// Boxes where no line has more than 6 numbers, turned boxes where all begin with the corners of a parallelogram and
     /// have at most 10, polygons otherwise.
     #[default]
@@ -27,7 +27,7 @@ pub enum YoloKind {
 
 /// Columns after the coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum ExtraColumns {
+pub(crate) enum ExtraColumns {
     /// By the values: scores lie between 0 and 1, ids are whole numbers from 1.
     #[default]
     Auto,
@@ -42,7 +42,7 @@ pub enum ExtraColumns {
 }
 
 /// A line of a label file.
-pub struct LabelLine<'a> {
+pub(super) struct LabelLine<'a> {
     pub line: Line<'a>,
     pub class: u64,
     /// The numbers after the class.
@@ -50,7 +50,7 @@ pub struct LabelLine<'a> {
 }
 
 /// The parts of a line.
-pub struct Fields<'v> {
+pub(super) struct Fields<'v> {
     pub coordinates: &'v [f64],
     pub score: Option<f64>,
     pub track: Option<u64>,
@@ -58,14 +58,14 @@ pub struct Fields<'v> {
 
 /// What the lines of all files hold.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Columns {
+pub(super) struct Columns {
     pub kind: YoloKind,
     pub extra: ExtraColumns,
 }
 
 impl Columns {
     /// In words.
-    pub fn words(self) -> String {
+    pub(super) fn words(self) -> String {
         let coordinates = match self.kind {
             YoloKind::TurnedBox => "the corners of a rotated box",
             YoloKind::Polygon => "a polygon",
@@ -81,7 +81,7 @@ impl Columns {
     }
 
     /// The coordinates, the score and the track id of a line.
-    pub fn split<'v>(self, line: &'v LabelLine) -> Result<Fields<'v>, ReadError> {
+    pub(super) fn split<'v>(self, line: &'v LabelLine) -> Result<Fields<'v>, ReadError> {
         let count = line.values.len();
         let extras = match self.kind {
             YoloKind::Box | YoloKind::Auto => count.checked_sub(4),
@@ -121,7 +121,7 @@ impl Columns {
 }
 
 /// The columns of these lines. Values other than [`YoloKind::Auto`] or [`ExtraColumns::Auto`] are used as given.
-pub fn columns(lines: &[LabelLine], kind: YoloKind, extra: ExtraColumns) -> Result<Columns, ReadError> {
+pub(super) fn columns(lines: &[LabelLine], kind: YoloKind, extra: ExtraColumns) -> Result<Columns, ReadError> {
     let counts = || lines.iter().map(|line| line.values.len());
     if kind == YoloKind::Auto
         && let [first, _, _, ..] = lines

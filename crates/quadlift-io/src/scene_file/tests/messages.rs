@@ -7,7 +7,7 @@ use insta::assert_snapshot;
 use crate::scene_file::{parse_scene_file, read_scene_file};
 
 /// A scene with every kind of entry.
-pub const VALID: &str = r#"{
+pub(super) const VALID: &str = r#"{
  "format": "quadlift.scene", "version": 1, "name": "test", "up": [0, -1, 0],
  "cameras": [{"id": "cam", "model": "PINHOLE", "width": 640, "height": 480, "params": [500, 500, 320, 240]}],
  "frames": [

@@ -68,7 +68,12 @@ pub(crate) fn log_odds_against(score: Option<f64>) -> f64 {
 
 impl Camera {
     /// A camera whose center is at `center` (world), with the world's origin moved to `origin`.
-    pub fn new(projection: &Projection, center: &Vector3<f64>, origin: &Vector3<f64>, size: Vector2<f64>) -> Self {
+    pub(crate) fn new(
+        projection: &Projection,
+        center: &Vector3<f64>,
+        origin: &Vector3<f64>,
+        size: Vector2<f64>,
+    ) -> Self {
         let mut matrix = *projection.matrix();
         matrix /= matrix.fixed_view::<1, 3>(2, 0).norm();
         let moved = matrix.column(3) + matrix.fixed_columns::<3>(0) * origin;
@@ -86,7 +91,7 @@ impl Camera {
 
 impl BoxObservation {
     /// A box (pixels) in a frame; its ray comes with [`BoxObservation::locate`].
-    pub fn new(frame: usize, edges: [f64; 4], cut: [bool; 4], category: usize) -> Self {
+    pub(crate) fn new(frame: usize, edges: [f64; 4], cut: [bool; 4], category: usize) -> Self {
         let half = Vector2::new(edges[2] - edges[0], edges[3] - edges[1]).map(|x| 0.5 * x.max(1e-3));
         Self {
             detection: 0,
@@ -105,19 +110,19 @@ impl BoxObservation {
     }
 
     /// Sets the ray through the center; `inverse` is the inverse of the first three columns of the camera matrix.
-    pub fn locate(&mut self, inverse: &Matrix3<f64>, focal: f64) {
+    pub(crate) fn locate(&mut self, inverse: &Matrix3<f64>, focal: f64) {
         let center = self.center();
         self.ray = inverse * Vector3::new(center.x, center.y, 1.0);
         self.radius_per_depth = (0.5 * (self.log_half[0] + self.log_half[1])).exp() / focal;
     }
 
     /// The middle of the box, pixels.
-    pub fn center(&self) -> Vector2<f64> {
+    pub(crate) fn center(&self) -> Vector2<f64> {
         Vector2::new(0.5 * (self.edges[0] + self.edges[2]), 0.5 * (self.edges[1] + self.edges[3]))
     }
 
     /// Width and height, pixels.
-    pub fn size(&self) -> Vector2<f64> {
+    pub(crate) fn size(&self) -> Vector2<f64> {
         Vector2::new(self.edges[2] - self.edges[0], self.edges[3] - self.edges[1])
     }
 }

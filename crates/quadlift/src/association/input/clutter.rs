@@ -23,12 +23,12 @@ const LEAST_SD: f64 = 0.3;
 
 impl BoxSizes {
     /// From the mean and the variance of all log half sizes.
-    pub fn new(mean: f64, variance: f64) -> Self {
+    pub(crate) fn new(mean: f64, variance: f64) -> Self {
         Self { mean, sd: variance.sqrt().max(LEAST_SD) }
     }
 
     /// Of these boxes.
-    pub fn of(boxes: &[BoxObservation]) -> Self {
+    pub(crate) fn of(boxes: &[BoxObservation]) -> Self {
         let count = (2 * boxes.len()).max(1) as f64;
         let mean = boxes.iter().flat_map(|b| b.log_half).sum::<f64>() / count;
         let square = |b: &BoxObservation| b.log_half.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>();

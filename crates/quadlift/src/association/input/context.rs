@@ -48,7 +48,7 @@ pub(crate) struct AssociationContext<'a> {
 
 impl<'a> AssociationContext<'a> {
     /// Prepares a scene's boxes.
-    pub fn new(scene: &Scene, observations: &Observations, options: &'a AssociateOptions) -> Self {
+    pub(crate) fn new(scene: &Scene, observations: &Observations, options: &'a AssociateOptions) -> Self {
         let cameras = &observations.cameras;
         let camera_tree = PointTree::new(cameras.iter().map(|c| c.center).collect());
         let given = |category: &Option<u32>| given_size(&options.priors, &scene.categories[(*category)? as usize]);
@@ -64,12 +64,12 @@ impl<'a> AssociationContext<'a> {
     }
 
     /// Whether the object id of a box is trusted.
-    pub fn is_trusted(&self, observation: &BoxObservation) -> bool {
+    pub(crate) fn is_trusted(&self, observation: &BoxObservation) -> bool {
         self.options.ids == IdUse::Trust && observation.id.is_some()
     }
 
     /// Frames whose cameras are near enough for an object of this size to appear as large as the boxes, ascending.
-    pub fn frames_near(&self, center: &Vector3<f64>, longest_semi_axis: f64, least_half_size: f64) -> Vec<u32> {
+    pub(crate) fn frames_near(&self, center: &Vector3<f64>, longest_semi_axis: f64, least_half_size: f64) -> Vec<u32> {
         let range = 1.2 * self.longest_focal * longest_semi_axis / least_half_size.max(1e-9);
         self.camera_tree.within(center, range)
     }

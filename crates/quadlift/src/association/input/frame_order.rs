@@ -35,7 +35,7 @@ pub(crate) struct FrameOrder {
 }
 
 impl FrameOrder {
-    pub fn new(cameras: &[Camera], tree: &PointTree) -> Self {
+    pub(crate) fn new(cameras: &[Camera], tree: &PointTree) -> Self {
         let unit = extent(cameras);
         let is_video = is_video(cameras, unit);
         let frames = if is_video { (0..cameras.len() as u32).collect() } else { chain(cameras, unit, 0) };
@@ -46,7 +46,7 @@ impl FrameOrder {
     }
 
     /// The order from a frame on: both directions of a video, otherwise always the nearest remaining frame.
-    pub fn starting_at(&self, cameras: &[Camera], first: usize) -> Vec<u32> {
+    pub(crate) fn starting_at(&self, cameras: &[Camera], first: usize) -> Vec<u32> {
         if self.is_video {
             let count = cameras.len() as u32;
             return if first == 0 { (0..count).collect() } else { (0..count).rev().collect() };

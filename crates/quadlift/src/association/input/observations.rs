@@ -32,7 +32,7 @@ pub(crate) struct Observations {
 impl Observations {
     /// Prepares the given detections (indices into the scene); those with only an ellipse are represented by the box
     /// around it. Detections in frames whose camera has no finite center are skipped.
-    pub fn new(scene: &Scene, detections: &[usize]) -> Self {
+    pub(crate) fn new(scene: &Scene, detections: &[usize]) -> Self {
         let centers: Vec<_> = scene.frames.iter().map(|f| f.projection.center_in_world().map(|c| c.coords)).collect();
         let count = centers.iter().flatten().count().max(1) as f64;
         let origin = centers.iter().flatten().fold(Vector3::zeros(), |sum, c| sum + c / count);
@@ -95,7 +95,7 @@ impl Observations {
     }
 
     /// Moves the boxes of a frame by some pixels.
-    pub fn move_boxes(&mut self, frame: usize, by: &Vector2<f64>) {
+    pub(crate) fn move_boxes(&mut self, frame: usize, by: &Vector2<f64>) {
         let camera = &self.cameras[frame];
         let inverse = camera.matrix.fixed_columns::<3>(0).try_inverse().unwrap_or_default();
         for observation in &mut self.boxes[camera.boxes.clone()] {
@@ -107,7 +107,7 @@ impl Observations {
     }
 
     /// Log odds of a box's category, between being of an object of the category and being clutter.
-    pub fn category_log_odds(&self, object: usize, detected: usize) -> f64 {
+    pub(crate) fn category_log_odds(&self, object: usize, detected: usize) -> f64 {
         let others = self.categories.len().saturating_sub(1);
         if others == 0 {
             0.0

@@ -41,7 +41,7 @@ pub(crate) struct PointTree {
 
 impl PointTree {
     /// A tree over the points.
-    pub fn new(points: Vec<Vector3<f64>>) -> Self {
+    pub(crate) fn new(points: Vec<Vector3<f64>>) -> Self {
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         let mut split_axes = vec![0; points.len()];
         let mut ranges = vec![(0, points.len())];
@@ -70,7 +70,7 @@ impl PointTree {
     }
 
     /// Indices of the points within `radius` of a place, ascending.
-    pub fn within(&self, place: &Vector3<f64>, radius: f64) -> Vec<u32> {
+    pub(crate) fn within(&self, place: &Vector3<f64>, radius: f64) -> Vec<u32> {
         let mut found = Vec::new();
         let mut ranges = vec![(0, self.order.len())];
         while let Some((start, end)) = ranges.pop() {
@@ -98,7 +98,7 @@ impl PointTree {
     }
 
     /// Indices of the `count` nearest points (or all points if there are fewer), nearest first, ties by index.
-    pub fn nearest(&self, place: &Vector3<f64>, count: usize) -> Vec<u32> {
+    pub(crate) fn nearest(&self, place: &Vector3<f64>, count: usize) -> Vec<u32> {
         // The farthest of the best so far is on top.
         let mut best: BinaryHeap<Found> = BinaryHeap::with_capacity(count + 1);
         let offer = |index: u32, best: &mut BinaryHeap<Found>| {

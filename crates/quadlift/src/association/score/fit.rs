@@ -44,12 +44,12 @@ pub(crate) struct Start {
 
 impl Start {
     /// A sphere.
-    pub fn sphere(center: Vector3<f64>, radius: f64) -> Self {
+    pub(crate) fn sphere(center: Vector3<f64>, radius: f64) -> Self {
         Self { center, root: Matrix3::identity() * radius }
     }
 
     /// The body of an object.
-    pub fn body(object: &Object) -> Self {
+    pub(crate) fn body(object: &Object) -> Self {
         Self { center: object.center, root: object.root }
     }
 }

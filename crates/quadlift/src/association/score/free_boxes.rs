@@ -94,7 +94,7 @@ impl Expected {
 
 impl FreeBoxes {
     /// Of some boxes.
-    pub fn new(mut boxes: Vec<Free>) -> Self {
+    pub(crate) fn new(mut boxes: Vec<Free>) -> Self {
         boxes.sort_by(|a, b| a.center.x.total_cmp(&b.center.x));
         let tree = if boxes.len() < LEAST_INDEXED {
             RangeTree::default()
@@ -112,20 +112,20 @@ impl FreeBoxes {
     }
 
     /// Takes a box away.
-    pub fn take(&mut self, index: u32) {
+    pub(crate) fn take(&mut self, index: u32) {
         if let Some(item) = self.boxes.iter_mut().find(|item| item.index == index) {
             item.category = TAKEN;
         }
     }
 
     /// The remaining boxes.
-    pub fn left(&self) -> impl Iterator<Item = &Free> {
+    pub(crate) fn left(&self) -> impl Iterator<Item = &Free> {
         self.boxes.iter().filter(|item| item.category != TAKEN)
     }
 
     /// The place of the leftmost box of a category whose middle is within a horizontal distance of a place.
     #[inline]
-    pub fn first_near(&self, x: f64, reach: f64, category: u32) -> Option<usize> {
+    pub(crate) fn first_near(&self, x: f64, reach: f64, category: u32) -> Option<usize> {
         let first = self.boxes.partition_point(|b| b.center.x < x - reach);
         let near = self.boxes[first..].iter().take_while(|b| b.center.x <= x + reach);
         near.enumerate().find(|(_, b)| b.category == category).map(|(k, _)| first + k)
@@ -134,7 +134,7 @@ impl FreeBoxes {
     /// The box with the maximum log likelihood ratio, the leftmost one of ties, with the ratio; `reach` is its maximum
     /// horizontal distance, `first` the result of [`Self::first_near`].
     #[inline]
-    pub fn best(&self, expected: &Expected, first: usize, reach: f64) -> Option<(u32, f64)> {
+    pub(crate) fn best(&self, expected: &Expected, first: usize, reach: f64) -> Option<(u32, f64)> {
         let mut best: Option<(usize, f64)> = None;
         if self.densities.is_empty() {
             let near = self.boxes[first..].iter().take_while(|b| b.center.x <= expected.place.x + reach);

@@ -18,12 +18,12 @@ pub(crate) struct IdTally {
 
 impl IdTally {
     /// An empty tally for ids with this error probability.
-    pub fn new(wrong_share: f64) -> Self {
+    pub(crate) fn new(wrong_share: f64) -> Self {
         Self { wrong_share, by_id: BTreeMap::new() }
     }
 
     /// The tally of all objects, numbered by their places.
-    pub fn of(wrong_share: f64, observations: &Observations, objects: &[Object]) -> Self {
+    pub(crate) fn of(wrong_share: f64, observations: &Observations, objects: &[Object]) -> Self {
         let mut tally = Self::new(wrong_share);
         for (place, object) in objects.iter().enumerate() {
             tally.add(observations, place as u32, &object.boxes);
@@ -32,14 +32,14 @@ impl IdTally {
     }
 
     /// Counts boxes of an object.
-    pub fn add(&mut self, observations: &Observations, object: u32, boxes: &[u32]) {
+    pub(crate) fn add(&mut self, observations: &Observations, object: u32, boxes: &[u32]) {
         for id in boxes.iter().filter_map(|&b| observations.boxes[b as usize].id) {
             self.count(id, object, 1);
         }
     }
 
     /// Counts an id in an object, so many times.
-    pub fn count(&mut self, id: u32, object: u32, times: u32) {
+    pub(crate) fn count(&mut self, id: u32, object: u32, times: u32) {
         let counts = self.by_id.entry(id).or_default();
         match counts.iter_mut().find(|(o, _)| *o == object) {
             Some((_, count)) => *count += times,
@@ -48,7 +48,7 @@ impl IdTally {
     }
 
     /// Counts an id in an object once less.
-    pub fn uncount(&mut self, id: u32, object: u32) {
+    pub(crate) fn uncount(&mut self, id: u32, object: u32) {
         if let Some(counts) = self.by_id.get_mut(&id)
             && let Some((_, count)) = counts.iter_mut().find(|(o, _)| *o == object)
         {
@@ -57,7 +57,7 @@ impl IdTally {
     }
 
     /// Forgets an id in an object; returns how often it was counted.
-    pub fn forget(&mut self, id: u32, object: u32) -> u32 {
+    pub(crate) fn forget(&mut self, id: u32, object: u32) -> u32 {
         let Some(counts) = self.by_id.get_mut(&id) else { return 0 };
         let count = counts.iter().find(|(o, _)| *o == object).map_or(0, |&(_, count)| count);
         counts.retain(|(o, _)| *o != object);
@@ -68,20 +68,20 @@ impl IdTally {
     }
 
     /// Forgets the boxes of an object.
-    pub fn remove(&mut self, observations: &Observations, object: u32, boxes: &[u32]) {
+    pub(crate) fn remove(&mut self, observations: &Observations, object: u32, boxes: &[u32]) {
         for id in boxes.iter().filter_map(|&b| observations.boxes[b as usize].id) {
             self.forget(id, object);
         }
     }
 
     /// Forgets an id in all objects.
-    pub fn forget_id(&mut self, id: u32) {
+    pub(crate) fn forget_id(&mut self, id: u32) {
         self.by_id.remove(&id);
     }
 
     /// The contribution of the id of a box to its gain for an object, if the box now belongs to `current`: the log
     /// probability of meeting this id in this object, relative to a box without an id.
-    pub fn bonus(&self, id: Option<u32>, object: u32, current: Option<u32>, objects: usize) -> f64 {
+    pub(crate) fn bonus(&self, id: Option<u32>, object: u32, current: Option<u32>, objects: usize) -> f64 {
         let Some(counts) = id.and_then(|id| self.by_id.get(&id)) else { return 0.0 };
         // The box itself is excluded.
         let others = |o: u32, count: u32| count - u32::from(current == Some(o)).min(count);
@@ -95,12 +95,12 @@ impl IdTally {
     }
 
     /// Upper bound of [`Self::bonus`].
-    pub fn largest_bonus(&self) -> f64 {
+    pub(crate) fn largest_bonus(&self) -> f64 {
         if self.by_id.is_empty() { 0.0 } else { MOST_RIVALS.ln() }
     }
 
     /// The contribution of two ids to the score of a pair of boxes as a new object.
-    pub fn pair_bonus(&self, a: Option<u32>, b: Option<u32>) -> f64 {
+    pub(crate) fn pair_bonus(&self, a: Option<u32>, b: Option<u32>) -> f64 {
         match (a, b) {
             (Some(a), Some(b)) if a == b => MOST_RIVALS.ln(),
             (Some(_), Some(_)) => self.wrong_share.ln(),

@@ -35,20 +35,20 @@ pub(crate) struct LogLikelihoodRatios<'a> {
 }
 
 impl<'a> LogLikelihoodRatios<'a> {
-    pub fn new(observations: &'a Observations, statistics: &'a SceneStatistics) -> Self {
+    pub(crate) fn new(observations: &'a Observations, statistics: &'a SceneStatistics) -> Self {
         Self { observations, statistics, constants: std::array::from_fn(t_constant) }
     }
 
     /// The gain of a box (by index) for an object that is predicted in the box's frame ([`Self::gain`]); `None` also where it is not
     /// wholly in front of the camera.
-    pub fn predicted_gain(&self, object: &Object, index: usize) -> Option<LogLikelihoodRatio> {
+    pub(crate) fn predicted_gain(&self, object: &Object, index: usize) -> Option<LogLikelihoodRatio> {
         let camera = &self.observations.cameras[self.observations.boxes[index].frame];
         self.gain(object, &object.predict(camera)?, index)
     }
 
     /// The gain of a box (by index) for an object whose outline in the box's frame is predicted; `None` if they do not
     /// overlap or too few edges are informative.
-    pub fn gain(&self, object: &Object, prediction: &Prediction, index: usize) -> Option<LogLikelihoodRatio> {
+    pub(crate) fn gain(&self, object: &Object, prediction: &Prediction, index: usize) -> Option<LogLikelihoodRatio> {
         let observation = &self.observations.boxes[index];
         let (own, other) = (&prediction.edges, &observation.edges);
         if own[0] > other[2] || own[2] < other[0] || own[1] > other[3] || own[3] < other[1] {

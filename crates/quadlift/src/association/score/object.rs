@@ -15,7 +15,7 @@ pub(crate) struct Prediction {
 
 impl Prediction {
     /// Width and height, pixels.
-    pub fn size(&self) -> [f64; 2] {
+    pub(crate) fn size(&self) -> [f64; 2] {
         [self.edges[2] - self.edges[0], self.edges[3] - self.edges[1]]
     }
 }
@@ -53,7 +53,7 @@ const VISIBLE_SHARE: f64 = 0.3;
 
 impl Object {
     /// The body in an image; `None` when it is not wholly in front of the camera.
-    pub fn predict(&self, camera: &Camera) -> Option<Prediction> {
+    pub(crate) fn predict(&self, camera: &Camera) -> Option<Prediction> {
         let p = &camera.matrix;
         let m = p.fixed_columns::<3>(0);
         let h = m * self.center + p.column(3);
@@ -77,19 +77,19 @@ impl Object {
     }
 
     /// Distance of each edge of a box from the edge of the body's outline, pixels; negative where the body sticks out.
-    pub fn residuals_px(&self, camera: &Camera, observation: &BoxObservation) -> [f64; 4] {
+    pub(crate) fn residuals_px(&self, camera: &Camera, observation: &BoxObservation) -> [f64; 4] {
         let third = camera.matrix.row(2);
         let depth = third.columns(0, 3).transpose().dot(&self.center) + third[3];
         edge_planes(camera, observation).map(|(n, d)| (n.dot(&self.center) + d - self.root.tr_mul(&n).norm()) / depth)
     }
 
     /// Number of its detections, also those that are forgotten.
-    pub fn views(&self) -> usize {
+    pub(crate) fn views(&self) -> usize {
         self.boxes.len() + self.forgotten
     }
 
     /// Frames in which it should be seen, for its boxes alone: where views are forgotten, their share of these frames is too.
-    pub fn visible_beside_boxes(&self) -> usize {
+    pub(crate) fn visible_beside_boxes(&self) -> usize {
         if self.forgotten == 0 {
             return self.visible;
         }
@@ -97,12 +97,12 @@ impl Object {
     }
 
     /// Length of the longest column of the root: the longest semi-axis.
-    pub fn longest_semi_axis(&self) -> f64 {
+    pub(crate) fn longest_semi_axis(&self) -> f64 {
         (0..3).map(|i| self.root.column(i).norm()).fold(0.0, f64::max)
     }
 
     /// Frames of the boxes, ascending.
-    pub fn frames<'a>(&'a self, observations: &'a Observations) -> impl Iterator<Item = usize> + 'a {
+    pub(crate) fn frames<'a>(&'a self, observations: &'a Observations) -> impl Iterator<Item = usize> + 'a {
         self.boxes.iter().map(|&i| observations.boxes[i as usize].frame)
     }
 }

@@ -26,7 +26,7 @@ pub(crate) struct RangeTree {
 
 impl RangeTree {
     /// A tree over the points.
-    pub fn new(points: &[[f64; 4]]) -> Self {
+    pub(crate) fn new(points: &[[f64; 4]]) -> Self {
         let mut tree = Self { order: (0..points.len() as u32).collect(), parts: Vec::new() };
         if !points.is_empty() {
             tree.divide(points, 0, points.len());
@@ -59,7 +59,7 @@ impl RangeTree {
     }
 
     /// Indices of the points of a part.
-    pub fn points_of(&self, part: &Part) -> &[u32] {
+    pub(crate) fn points_of(&self, part: &Part) -> &[u32] {
         &self.order[part.start..part.end]
     }
 }

@@ -50,7 +50,7 @@ pub(crate) struct SceneStatistics {
 
 impl SceneStatistics {
     /// Before anything is learnt.
-    pub fn new(observations: &Observations, given_sizes: Vec<Option<LogSize>>, pixel_sd: f64) -> Self {
+    pub(crate) fn new(observations: &Observations, given_sizes: Vec<Option<LogSize>>, pixel_sd: f64) -> Self {
         let per_frame = observations.boxes.len() as f64 / observations.cameras.len().max(1) as f64;
         Self {
             log_clutter_rate: first_log_clutter_rate(per_frame),
@@ -62,7 +62,7 @@ impl SceneStatistics {
     }
 
     /// Before there is any box.
-    pub fn unlearnt(pixel_sd: f64) -> Self {
+    pub(crate) fn unlearnt(pixel_sd: f64) -> Self {
         Self {
             edge_sd: FIRST_EDGE_SD,
             pixel_sd,
@@ -77,22 +77,22 @@ impl SceneStatistics {
     }
 
     /// Standard deviation of the edges of a box, pixels.
-    pub fn sd(&self, observation: &BoxObservation) -> f64 {
+    pub(crate) fn sd(&self, observation: &BoxObservation) -> f64 {
         (self.edge_sd * observation.half_size).hypot(self.pixel_sd)
     }
 
     /// Edges of a box that only bound the extent of the object from below.
-    pub fn one_sided(&self, index: usize, observation: &BoxObservation) -> [bool; 4] {
+    pub(crate) fn one_sided(&self, index: usize, observation: &BoxObservation) -> [bool; 4] {
         std::array::from_fn(|e| observation.cut[e] || self.hidden[index][e])
     }
 
     /// Log density of clutter per edge of a box.
-    pub fn log_clutter(&self, observation: &BoxObservation) -> f64 {
+    pub(crate) fn log_clutter(&self, observation: &BoxObservation) -> f64 {
         0.25 * (self.log_clutter_rate + observation.log_clutter)
     }
 
     /// Learns everything but the shifts from the objects found so far.
-    pub fn learn(&mut self, context: &AssociationContext, observations: &Observations, objects: &[Object]) {
+    pub(crate) fn learn(&mut self, context: &AssociationContext, observations: &Observations, objects: &[Object]) {
         self.learn_edge_sd(observations, objects);
         let (frames, all) = (observations.cameras.len() as f64, observations.boxes.len() as f64);
         let assigned: usize = objects.iter().map(|o| o.boxes.len()).sum();
@@ -105,7 +105,7 @@ impl SceneStatistics {
     }
 
     /// Learns the noise from the residuals of objects.
-    pub fn learn_edge_sd(&mut self, observations: &Observations, objects: &[Object]) {
+    pub(crate) fn learn_edge_sd(&mut self, observations: &Observations, objects: &[Object]) {
         let mut errors = Vec::new();
         for object in objects.iter().filter(|o| o.boxes.len() >= MIN_INFORMATIVE_VIEWS) {
             // Nine parameters have been fitted to four edges of each view.
@@ -127,7 +127,7 @@ impl SceneStatistics {
     }
 
     /// Learns the sizes that are not given.
-    pub fn learn_sizes<'a>(&mut self, given: &[Option<LogSize>], objects: impl Iterator<Item = &'a Object>) {
+    pub(crate) fn learn_sizes<'a>(&mut self, given: &[Option<LogSize>], objects: impl Iterator<Item = &'a Object>) {
         let categories = given.len();
         let mut sizes = vec![Vec::new(); categories];
         for object in objects.filter(|o| o.boxes.len() >= MIN_INFORMATIVE_VIEWS) {

@@ -38,7 +38,7 @@ pub(crate) struct SphereScorer<'a> {
 
 impl<'a> SphereScorer<'a> {
     /// For the unused boxes.
-    pub fn new(
+    pub(crate) fn new(
         context: &'a AssociationContext<'a>,
         observations: &'a Observations,
         statistics: &'a SceneStatistics,
@@ -65,24 +65,24 @@ impl<'a> SphereScorer<'a> {
     }
 
     /// The free boxes of a frame in a category.
-    pub fn free_in(&self, frame: usize, category: usize) -> impl Iterator<Item = u32> + '_ {
+    pub(crate) fn free_in(&self, frame: usize, category: usize) -> impl Iterator<Item = u32> + '_ {
         self.free[frame].left().filter(move |b| b.category as usize == category).map(|b| b.index)
     }
 
     /// All free boxes, by frames.
-    pub fn all_free(&self) -> impl Iterator<Item = usize> + '_ {
+    pub(crate) fn all_free(&self) -> impl Iterator<Item = usize> + '_ {
         self.free.iter().flat_map(FreeBoxes::left).map(|b| b.index as usize)
     }
 
     /// Takes boxes away.
-    pub fn take(&mut self, boxes: &[u32]) {
+    pub(crate) fn take(&mut self, boxes: &[u32]) {
         for &index in boxes {
             self.free[self.observations.boxes[index as usize].frame].take(index);
         }
     }
 
     /// The penalty of a size that is unusual for the category; `None` if it is impossible.
-    pub fn size_penalty(&self, log_radius: f64, category: usize) -> Option<f64> {
+    pub(crate) fn size_penalty(&self, log_radius: f64, category: usize) -> Option<f64> {
         let Some(size) = self.statistics.log_sizes[category] else { return Some(0.0) };
         let deviation = (log_radius - size.mean) / size.sd;
         (deviation.abs() <= 3.5).then_some(0.5 * deviation * deviation)
@@ -90,7 +90,7 @@ impl<'a> SphereScorer<'a> {
 
     /// Scores a sphere of a category in some frames; `covariance` is that of its center, `rays` the number of boxes that
     /// it comes from.
-    pub fn score(
+    pub(crate) fn score(
         &self,
         sphere: &Sphere,
         covariance: &Matrix3<f64>,

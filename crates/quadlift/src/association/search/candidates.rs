@@ -75,7 +75,7 @@ struct Bounds {
 
 impl Candidates {
     /// Of some boxes of a frame (ascending).
-    pub fn new(observations: &Observations, statistics: &SceneStatistics, boxes: &[u32]) -> Self {
+    pub(crate) fn new(observations: &Observations, statistics: &SceneStatistics, boxes: &[u32]) -> Self {
         let (mut listed, mut indexed) = (Vec::new(), Vec::new());
         let constants = SEEN.map(t_constant);
         for &index in boxes {
@@ -107,7 +107,7 @@ impl Candidates {
 
     /// The boxes with the greatest positive gains for an object whose outline in the frame is predicted, [`MOST`] at most,
     /// ascending by index. `bonus` is added to the gain of a box, and is `largest_bonus` at most.
-    pub fn best(
+    pub(crate) fn best(
         &self,
         gains: &LogLikelihoodRatios,
         object: &Object,

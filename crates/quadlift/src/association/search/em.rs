@@ -20,7 +20,7 @@ const SPHERE_ROUNDS: usize = 1;
 
 impl State {
     /// All rounds; ends early when nothing changes any more.
-    pub fn run(&mut self, context: &AssociationContext, report: &impl Fn() -> ControlFlow<()>) {
+    pub(crate) fn run(&mut self, context: &AssociationContext, report: &impl Fn() -> ControlFlow<()>) {
         let (mut before, mut tried) = (None, Vec::new());
         for round in 0..ROUNDS {
             let last_births = ROUNDS - 3;

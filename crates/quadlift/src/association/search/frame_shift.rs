@@ -26,14 +26,14 @@ pub(crate) struct FrameShift {
 
 impl FrameShift {
     /// Before any residual; `sd` is the standard deviation of the prior, pixels.
-    pub fn new(sd: f64) -> Self {
+    pub(crate) fn new(sd: f64) -> Self {
         let prior = 1.0 / (sd * sd);
         Self { prior, sum: Vector2::zeros(), weights: Vector2::repeat(prior) }
     }
 
     /// Adds the residuals of a box ([`Object::residuals_px`]) whose edges have this standard deviation, and from which a shift
     /// was subtracted before.
-    pub fn add(&mut self, residuals: &[f64; 4], one_sided: [bool; 4], sd: f64, subtracted: &Vector2<f64>) {
+    pub(crate) fn add(&mut self, residuals: &[f64; 4], one_sided: [bool; 4], sd: f64, subtracted: &Vector2<f64>) {
         let information = sd.powi(-2);
         for edge in (0..4).filter(|&e| !one_sided[e]) {
             // Measured less predicted place of the edge.
@@ -45,17 +45,17 @@ impl FrameShift {
     }
 
     /// The shift, pixels.
-    pub fn shift(&self) -> Vector2<f64> {
+    pub(crate) fn shift(&self) -> Vector2<f64> {
         self.sum.component_div(&self.weights)
     }
 
     /// Whether the residuals say more than the prior.
-    pub fn is_informative(&self) -> bool {
+    pub(crate) fn is_informative(&self) -> bool {
         self.weights.x > 1.5 * self.prior
     }
 
     /// Expected squared length of the shift.
-    pub fn expected_square(&self) -> f64 {
+    pub(crate) fn expected_square(&self) -> f64 {
         self.shift().norm_squared() + 1.0 / self.weights.x + 1.0 / self.weights.y
     }
 }

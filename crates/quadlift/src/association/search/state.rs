@@ -23,29 +23,29 @@ pub(crate) struct State {
 
 impl State {
     /// Total evidence of the objects.
-    pub fn evidence(&self, context: &AssociationContext) -> f64 {
+    pub(crate) fn evidence(&self, context: &AssociationContext) -> f64 {
         self.objects.iter().map(|o| evidence(&context.rate, &self.observations, &self.statistics, o).max(0.0)).sum()
     }
 
     /// Assigns all boxes and refits every object; those with too few boxes are removed.
-    pub fn assign_and_fit(&mut self, context: &AssociationContext, with_spheres: bool) {
+    pub(crate) fn assign_and_fit(&mut self, context: &AssociationContext, with_spheres: bool) {
         let assignments = assign(context, &self.observations, &mut self.statistics, &self.objects);
         self.objects = refit(context, &self.observations, &self.statistics, &self.objects, &assignments, with_spheres);
     }
 
     /// Removes objects with too little evidence; trusted ones are kept.
-    pub fn give_up_weak(&mut self, context: &AssociationContext) {
+    pub(crate) fn give_up_weak(&mut self, context: &AssociationContext) {
         let (observations, statistics) = (&self.observations, &self.statistics);
         self.objects.retain(|o| o.trusted_id.is_some() || evidence(&context.rate, observations, statistics, o) > CLEAR);
     }
 
     /// Learns the scene's noise, clutter and sizes.
-    pub fn learn(&mut self, context: &AssociationContext) {
+    pub(crate) fn learn(&mut self, context: &AssociationContext) {
         self.statistics.learn(context, &self.observations, &self.objects);
     }
 
     /// Merges duplicate objects.
-    pub fn merge(&mut self, context: &AssociationContext) {
+    pub(crate) fn merge(&mut self, context: &AssociationContext) {
         if !context.options.uses(Part::Merge) {
             return;
         }
@@ -54,7 +54,7 @@ impl State {
     }
 
     /// A few rounds without births and shifts, as a start.
-    pub fn settle(&mut self, context: &AssociationContext, rounds: usize) {
+    pub(crate) fn settle(&mut self, context: &AssociationContext, rounds: usize) {
         for _ in 0..rounds {
             self.assign_and_fit(context, false);
             if self.objects.is_empty() {
@@ -67,12 +67,12 @@ impl State {
     }
 
     /// The object of each box.
-    pub fn owners(&self) -> Vec<Option<u32>> {
+    pub(crate) fn owners(&self) -> Vec<Option<u32>> {
         owners(self.observations.boxes.len(), &self.objects)
     }
 
     /// Adds new objects from unassigned boxes, unless these are the same as those that were `tried` last.
-    pub fn add_births(&mut self, context: &AssociationContext, tried: &mut Vec<bool>) {
+    pub(crate) fn add_births(&mut self, context: &AssociationContext, tried: &mut Vec<bool>) {
         let used: Vec<bool> = self.owners().iter().map(Option::is_some).collect();
         if used.iter().filter(|&&u| !u).count() <= 2 || used == *tried {
             return;

@@ -4,7 +4,7 @@ pub(crate) mod singular;
 pub(crate) mod arrowhead;
 pub(crate) mod pfd;
 pub(crate) mod lfd;
-pub mod planes;
+pub(super) mod planes;
 pub(crate) mod reg;
 
 use self::lfd::lfd;

@@ -20,7 +20,7 @@ const ROWS_PER_BLOCK: usize = 40;
 const SINGULAR: f64 = 1e-13;
 
 /// Minimum number of tangent planes that determine a quadric.
-pub const FEWEST_PLANES: usize = 9;
+pub(crate) const FEWEST_PLANES: usize = 9;
 
 /// Solves for the quadric that the planes of the views' box edges touch best.
 ///
@@ -29,7 +29,7 @@ pub const FEWEST_PLANES: usize = 9;
 /// # Errors
 /// [`Status::TooFewViews`] below three views with boxes or nine edges, [`Status::Degenerate`] when the planes do not
 /// determine a quadric.
-pub fn planes(views: &[View]) -> Result<ConditionedSolution, Status> {
+pub(crate) fn planes(views: &[View]) -> Result<ConditionedSolution, Status> {
     if views.len() < 3 {
         return Err(Status::TooFewViews);
     }
@@ -42,7 +42,7 @@ pub fn planes(views: &[View]) -> Result<ConditionedSolution, Status> {
 }
 
 /// The same in an object frame, with the result in that frame.
-pub fn planes_in_frame(views: &[View], frame: &ObjectFrame) -> Result<DualQuadric, Status> {
+pub(crate) fn planes_in_frame(views: &[View], frame: &ObjectFrame) -> Result<DualQuadric, Status> {
     if views.iter().filter(|view| view.bounding_box.is_some()).count() < 3 {
         return Err(Status::TooFewViews);
     }

@@ -9,11 +9,11 @@ use quadlift::geometry::{
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-pub type Vech = SVector<f64, 10>;
-pub type Views = Vec<(Projection, Ellipse)>;
+pub(crate) type Vech = SVector<f64, 10>;
+pub(crate) type Views = Vec<(Projection, Ellipse)>;
 
 /// A camera at `center` that looks at `target` (z up): f = 1500 px, principal point (640, 480).
-pub fn camera(center: &Vector3<f64>, target: &Vector3<f64>) -> Projection {
+pub(crate) fn camera(center: &Vector3<f64>, target: &Vector3<f64>) -> Projection {
     let z = (target - center).normalize();
     let x = z.cross(&Vector3::z()).normalize();
     let rotation = Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]);
@@ -25,7 +25,7 @@ pub fn camera(center: &Vector3<f64>, target: &Vector3<f64>) -> Projection {
 }
 
 /// Camera centers at distance 200 from the origin, on the arc of the paper's synthetic set-up, `span` times as long.
-pub fn arc(count: usize, span: f64) -> Vec<Vector3<f64>> {
+pub(crate) fn arc(count: usize, span: f64) -> Vec<Vector3<f64>> {
     let point = |f: usize| {
         let s = span * f as f64 / (count - 1) as f64;
         let (azimuth, elevation) = (60f64.to_radians() * s, 70f64.to_radians() * s);
@@ -35,7 +35,7 @@ pub fn arc(count: usize, span: f64) -> Vec<Vector3<f64>> {
 }
 
 /// An ellipsoid of the paper's synthetic set-up: in a cube of side 20, longest axis 3 to 12.
-pub fn random_ellipsoid(rng: &mut ChaCha8Rng) -> Ellipsoid {
+pub(crate) fn random_ellipsoid(rng: &mut ChaCha8Rng) -> Ellipsoid {
     let longest = 0.5 * rng.random_range(3.0..12.0);
     let mut angle = || rng.random_range(-3.0..3.0);
     let rotation = Rotation3::from_euler_angles(angle(), angle(), angle());
@@ -48,7 +48,12 @@ pub fn random_ellipsoid(rng: &mut ChaCha8Rng) -> Ellipsoid {
 
 /// The outline of an ellipsoid with its center moved by up to `noise` of the mean semi-axis, its size by the factor
 /// `1 +- noise`.
-pub fn observe(projection: Projection, body: &Ellipsoid, noise: f64, rng: &mut ChaCha8Rng) -> (Projection, Ellipse) {
+pub(crate) fn observe(
+    projection: Projection,
+    body: &Ellipsoid,
+    noise: f64,
+    rng: &mut ChaCha8Rng,
+) -> (Projection, Ellipse) {
     let ellipse = project_ellipsoid(&projection, body).unwrap();
     let mut draw = || if noise > 0.0 { rng.random_range(-noise..noise) } else { 0.0 };
     let center = ellipse.center() + ellipse.semi_axes().mean() * Vector2::new(draw(), draw());
@@ -57,7 +62,7 @@ pub fn observe(projection: Projection, body: &Ellipsoid, noise: f64, rng: &mut C
 }
 
 /// A random ellipsoid seen from the paper's arc.
-pub fn scene(count: usize, noise: f64, seed: u64) -> (Views, Ellipsoid) {
+pub(crate) fn scene(count: usize, noise: f64, seed: u64) -> (Views, Ellipsoid) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let body = random_ellipsoid(&mut rng);
     let see = |center: &Vector3<f64>| observe(camera(center, &Vector3::zeros()), &body, noise, &mut rng);
@@ -66,7 +71,7 @@ pub fn scene(count: usize, noise: f64, seed: u64) -> (Views, Ellipsoid) {
 
 /// The same observations in well-scaled coordinates: each ellipse becomes the unit circle, the object has the center
 /// `t` (nearly) and the radius 1, its depth is 1.
-pub fn normalized(views: &Views, t: &Vector3<f64>, radius: f64) -> Views {
+pub(crate) fn normalized(views: &Views, t: &Vector3<f64>, radius: f64) -> Views {
     let circle = Ellipse::new(Vector2::zeros(), Vector2::repeat(1.0), 0.0).unwrap();
     let normalize = |(projection, ellipse): &(Projection, Ellipse)| {
         let inverse = ellipse.shape().cholesky().unwrap().l().try_inverse().unwrap();
@@ -86,19 +91,19 @@ pub fn normalized(views: &Views, t: &Vector3<f64>, radius: f64) -> Views {
 }
 
 /// The lower triangle of a symmetric matrix, by columns.
-pub fn vech4(m: &Matrix4<f64>) -> Vech {
+pub(crate) fn vech4(m: &Matrix4<f64>) -> Vech {
     let column = |j: usize| (j..4).map(move |i| m[(i, j)]);
     Vech::from_iterator((0..4).flat_map(column))
 }
 
 /// `vech(P Q P^T)` of the quadric with this `vech`.
-pub fn projected(projection: &Projection, v: &Vech) -> Vector6<f64> {
+pub(crate) fn projected(projection: &Projection, v: &Vech) -> Vector6<f64> {
     let p = projection.matrix();
     vech3(&(p * DualQuadric::from_vech(v).matrix() * p.transpose()))
 }
 
 /// The paper's dense M (6F x (10 + F)).
-pub fn dense_system(views: &[(Projection, Ellipse)]) -> DMatrix<f64> {
+pub(crate) fn dense_system(views: &[(Projection, Ellipse)]) -> DMatrix<f64> {
     let count = views.len();
     let mut m = DMatrix::<f64>::zeros(6 * count, 10 + count);
     for (f, (projection, ellipse)) in views.iter().enumerate() {
@@ -112,7 +117,7 @@ pub fn dense_system(views: &[(Projection, Ellipse)]) -> DMatrix<f64> {
 }
 
 /// The paper's own computation: the last right singular vector of the dense M and its singular value.
-pub fn dense_pfd(views: &[(Projection, Ellipse)]) -> (Vec<f64>, f64) {
+pub(crate) fn dense_pfd(views: &[(Projection, Ellipse)]) -> (Vec<f64>, f64) {
     let svd = dense_system(views).svd(false, true);
     let last = svd.singular_values.len() - 1;
     (svd.v_t.unwrap().row(last).iter().copied().collect(), svd.singular_values[last])
