@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
-"""Checks the layers inside each crate, without a build: the order of `mod` lines is their order. A file uses only siblings above it,
-and names their files, not what their folder re-exports; test modules come last. The library does no I/O and reads no clock.
+"""Checks the layers inside each crate, without a build: the order of `mod` lines is their order. A file uses only siblings
+above it, and names their files, not what their folder re-exports; test modules come last. The library does no I/O and
+reads no clock.
 
 Prints `path:line: message` for each violation; the exit code is then 1."""
 
@@ -8,90 +9,96 @@ import re
 import sys
 from pathlib import Path
 
-LIBRARY = Path("crates/quadlift/src")
 NOT_IN_LIBRARY = {"fs", "io", "net", "process", "env", "time"}
-USE = re.compile(r"^ *(?:pub(?:\([\w: ]+\))? )?use ([^;]+);", re.MULTILINE)
+TEST = re.compile(r" *#\[cfg\((all\()?test\b")
 MOD = re.compile(r"(?:pub(?:\([\w: ]+\))? )?mod (\w+)( \{|;)")
+USE = re.compile(r"^ *(?:pub(?:\([\w: ]+\))? )?use ([^;]+);", re.MULTILINE)
 PATH = re.compile(r"(?<![\w:])(?:crate|super|self|std)(?:::\w+)+")
 
+violations = []
 
-def without_tests(path, found):
+
+def without_tests(path):
     """The text of a file without comments and tests, on the same lines, and its modules in their order."""
-    lines, modules, test, ends = [], [], None, None
+    lines, modules, test_module, indent = [], [], None, None
     for number, line in enumerate(path.read_text().split("\n"), 1):
-        module = MOD.match(line)
-        if line.strip() == "#[cfg(test)]":
-            ends = line[: -len(line.lstrip())]
-        elif ends is not None and module and module[2] == " {":
-            # Its content ends the file.
-            break
-        elif module and module[2] == ";" and ends is not None:
-            test = module[1]
-        elif module and module[2] == ";":
-            modules.append(module[1])
-            if test:
-                found.add((path, number, f"`{module[1]}` is below the test module `{test}`"))
-        lines.append("" if ends is not None else re.sub("//.*", "", line))
-        # The last line of the tested item is indented as its first one.
-        if ends is not None and re.match(ends + r"(\}|[^ #].*[;}]$)", line):
-            ends = None
+        if TEST.match(line):
+            indent = " " * (len(line) - len(line.lstrip()))
+        is_test = indent is not None
+        if module := MOD.match(line):
+            name, inside = module.groups()
+            if is_test and inside == " {":
+                break  # it ends the file
+            if is_test:
+                test_module = name
+            elif inside == ";":
+                modules.append(name)
+                if test_module:
+                    violations.append((path, number, f"`{name}` is below the test module `{test_module}`"))
+        lines.append("" if is_test else re.sub("//.*", "", line))
+        # An item ends with a line that is indented as its first one.
+        if is_test and re.match(indent + r"(\}|[^ #].*[;}]$)", line):
+            indent = None
     return "\n".join(lines), modules
 
 
-def expanded(tree):
-    """The paths of a `use` tree."""
-    head, brace, rest = re.sub(r" as \w+", "", tree).partition("{")
+def paths_of(tree):
+    """The paths of a `use` tree, in parts."""
+    head, brace, rest = re.sub(r" as \w+|\s", "", tree).partition("{")
     if not brace:
-        return [head.strip()]
-    parts, depth = [""], 0
+        return [head.split("::")]
+    trees, depth = [""], 0
     for char in rest[: rest.rindex("}")]:
         depth += {"{": 1, "}": -1}.get(char, 0)
-        parts = [*parts, ""] if char == "," and depth == 0 else [*parts[:-1], parts[-1] + char]
-    return [head.strip() + path for part in parts if part.strip() for path in expanded(part)]
+        trees = [*trees, ""] if char == "," and depth == 0 else [*trees[:-1], trees[-1] + char]
+    return [path for tree in trees if tree for path in paths_of(head + tree)]
 
 
-def check(root, found):
+def target_of(module, path):
+    """What a path in a module names, from the root of the crate."""
+    start = {"crate": (), "self": module, "super": module[:-1]}.get(path[0])
+    target = [*module, *path] if start is None else [*start, *path[1:]]
+    while "super" in target:
+        at = target.index("super")
+        del target[at - 1 : at + 1]
+    return target
+
+
+def check(root):
     """Checks the crate with this root."""
     files, waiting = {}, [((), root, root.parent)]
-    while waiting:
-        module, path, folder = waiting.pop()
-        text, modules = without_tests(path, found)
-        used = [(m.start(1), path.split("::")) for m in USE.finditer(text) for path in expanded(m[1])]
-        rest = USE.sub(lambda m: re.sub(r"[^\n]", " ", m[0]), text)
-        names = used + [(m.start(), m[0].split("::")) for m in PATH.finditer(rest)]
-        local = (name[name[0] == "self" :] for _, name in used)
-        files[module] = path, modules, {name[-1]: name[0] for name in local if name[0] in modules}, [
-            (text.count("\n", 0, at) + 1, name) for at, name in names
+    for module, path, folder in waiting:
+        text, modules = without_tests(path)
+        uses = [(use.start(1), path) for use in USE.finditer(text) for path in paths_of(use[1])]
+        others = PATH.finditer(USE.sub(lambda use: " " * len(use[0]), text))
+        exported = {path[-1]: path[0] for path in (path[path[0] == "self" :] for _, path in uses) if path[0] in modules}
+        named = [
+            (text.count("\n", 0, at) + 1, path)
+            for at, path in [*uses, *((m.start(), m[0].split("::")) for m in others)]
         ]
+        files[module] = path, modules, exported, named
         for name in modules:
-            below = folder / name
-            inside = below / "mod.rs"
-            waiting.append(((*module, name), inside if inside.exists() else folder / f"{name}.rs", below))
-    for module, (path, _, _, names) in files.items():
-        for line, (first, *rest) in names:
-            if first == "std" and path.is_relative_to(LIBRARY) and rest[0] in NOT_IN_LIBRARY:
-                found.add((path, line, f"the library does not use std::{rest[0]}"))
-            base = {"crate": (), "self": module, "super": module[:-1]}.get(first, module)
-            target = (*base, *(rest if first in ("crate", "self", "super") else (first, *rest)))
-            while "super" in target:
-                at = target.index("super")
-                target = target[: at - 1] + target[at + 1 :]
-            level = next((k for k, (a, b) in enumerate(zip(module, target)) if a != b), None)
-            if level is None:
-                continue
-            parent, siblings, exported, _ = files[module[:level]]
-            own, other = module[level], target[level]
-            if other not in siblings and other in exported:
-                found.add((path, line, f"`{other}` is of `{exported[other]}`: name that, not its re-export in {parent}"))
-            elif other in siblings and siblings.index(other) > siblings.index(own):
-                found.add((path, line, f"`{own}` uses `{other}`, which is below it in {parent}"))
+            inside = folder / name / "mod.rs"
+            waiting.append(((*module, name), inside if inside.exists() else folder / f"{name}.rs", folder / name))
+    for module, (path, _, _, named) in files.items():
+        for line, names in named:
+            if names[0] == "std" and names[1] in NOT_IN_LIBRARY and path.is_relative_to("crates/quadlift/src"):
+                violations.append((path, line, f"the library does not use std::{names[1]}"))
+            # The place where the ways to the module and to what it names part.
+            pairs = enumerate(zip(module, target_of(module, names)))
+            if part := next(((level, own, other) for level, (own, other) in pairs if own != other), None):
+                level, own, other = part
+                parent, siblings, exported, _ = files[module[:level]]
+                if other in exported and other not in siblings:
+                    violations.append((path, line, f"`{other}` is a re-export of {parent}: name `{exported[other]}`"))
+                elif other in siblings and siblings.index(other) > siblings.index(own):
+                    violations.append((path, line, f"`{own}` uses `{other}`, which is below it in {parent}"))
 
 
-violations = set()
-for crate in sorted(Path("crates").glob("*/src")):
-    for name in ("lib.rs", "main.rs"):
-        if (crate / name).exists():
-            check(crate / name, violations)
-for path, line, message in sorted(violations):
+for source in sorted(Path("crates").glob("*/src")):
+    for root in (source / "lib.rs", source / "main.rs"):
+        if root.exists():
+            check(root)
+for path, line, message in sorted(set(violations)):
     print(f"{path}:{line}: {message}")
 sys.exit(bool(violations))
