@@ -118,7 +118,7 @@ fn association(seed: u64) -> Result<f64, Error> {
 ///
 /// # Errors
 /// [`Error`] of a scene that cannot be made, read or localized.
-pub fn run(data: Option<&Path>, run: &Run) -> Result<Report, Error> {
+pub(crate) fn run(data: Option<&Path>, run: &Run) -> Result<Report, Error> {
     let mut measured = vec![synthetic("3 views", 3, run.seed)?, synthetic("10 views, outliers", 10, run.seed)?];
     if let Ok(folder) = data_folder(data) {
         measured.extend(real(&folder)?);

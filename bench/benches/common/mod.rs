@@ -6,7 +6,7 @@ use quadlift::synthetic::{
 };
 
 /// A drive along a street: 20 % of the objects missed, 15 % false boxes, 5 % noise of edges.
-pub fn street(objects: usize, views: usize, ids: SyntheticIds) -> SyntheticScene {
+pub(crate) fn street(objects: usize, views: usize, ids: SyntheticIds) -> SyntheticScene {
     let options = SyntheticOptions {
         objects,
         views,
@@ -21,7 +21,7 @@ pub fn street(objects: usize, views: usize, ids: SyntheticIds) -> SyntheticScene
 }
 
 /// The frames of a scene with their detections, in the order of time.
-pub fn frames(synthetic: &SyntheticScene) -> Vec<(Frame, Vec<Detection<'_>>)> {
+pub(crate) fn frames(synthetic: &SyntheticScene) -> Vec<(Frame, Vec<Detection<'_>>)> {
     let scene = &synthetic.scene;
     let mut frames: Vec<(Frame, Vec<Detection>)> =
         scene.frames.iter().enumerate().map(|(k, frame)| (Frame::of_scene(frame, k as f64), Vec::new())).collect();
@@ -38,6 +38,6 @@ pub fn frames(synthetic: &SyntheticScene) -> Vec<(Frame, Vec<Detection<'_>>)> {
 }
 
 /// Observes a frame.
-pub fn observe(map: &mut ObjectMap, (frame, detections): &(Frame, Vec<Detection>)) -> FrameUpdate {
+pub(crate) fn observe(map: &mut ObjectMap, (frame, detections): &(Frame, Vec<Detection>)) -> FrameUpdate {
     map.observe(frame, detections).expect("the frame is valid")
 }
