@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ import numpy as np
 
 from . import _arrays, _checks, _core, _found, _locate, _options, _rerun
 from ._core import QuadliftError
+from ._estimates import InconsistentSceneWarning
 from ._locate import Location
 from ._scene import Estimates, Scene
 from ._scene_data import frame_id as frame_id_of
@@ -35,8 +37,8 @@ class FrameUpdate:
         far.
     events : list of dict
         What happened, in this order, with the names of the stream's events (docs/formats/stream.md): ``"type"`` is
-        ``"new"``, ``"confirmed"``, ``"reassigned"``, ``"merged"``, ``"removed"``, ``"returned"`` or ``"disagrees"``;
-        most have an ``"object"``.
+        ``"new"``, ``"confirmed"``, ``"reassigned"``, ``"merged"``, ``"removed"``, ``"returned"``, ``"disagrees"`` or
+        ``"inconsistent"``; most have an ``"object"``.
     """
 
     objects: list[str | None]
@@ -331,6 +333,11 @@ class ObjectMap:
             keeps them with its views, for `localize`. With an outline or a turned box the row of `boxes` may be NaN,
             or all of `boxes` missing.
 
+        Warns
+        -----
+        InconsistentSceneWarning
+            Once, when the frames so far turn out to be inconsistent (see `consistent`).
+
         Raises
         ------
         QuadliftError
@@ -448,7 +455,7 @@ class ObjectMap:
         return self._changed(self._core.update_poses(ids, *_arrays.map_poses(ids, cam_from_world, projections)))
 
     def settle(self) -> FrameUpdate:
-        """Assigns the boxes of the last 24 frames once more, for the end of a stream.
+        """Assigns the boxes of the last 24 frames once more and checks them, for the end of a stream.
 
         ``quadlift stream`` does this before it writes the map. If frames may follow, settle a `copy`.
 
@@ -463,6 +470,11 @@ class ObjectMap:
         """What a line of the stream's output says."""
         self._changes += 1
         record = json.loads(line)
+        for event in record["events"]:
+            if event["type"] == "inconsistent":
+                # Attributed to the line that calls `observe`, `update_poses` or `settle`.
+                text = f"the scene is inconsistent: {event['message']}"
+                warnings.warn(text, InconsistentSceneWarning, stacklevel=3)
         return FrameUpdate(objects=record.get("objects", []), events=record["events"])
 
     # Objects
@@ -622,6 +634,16 @@ class ObjectMap:
 
     def _repr_html_(self) -> str:
         return self.objects._repr_html_()
+
+    @property
+    def consistent(self) -> bool | None:
+        """Whether poses, cameras and boxes are consistent; None if nothing could be checked so far.
+
+        The last frames are checked from time to time (after 30 frames, then every 40) and by `settle`. When they turn out
+        to be inconsistent, there is an ``"inconsistent"`` event and an `InconsistentSceneWarning` with the cause; no
+        object of `localize` is ``"ok"`` then.
+        """
+        return self._core.consistent
 
     @property
     def frame_count(self) -> int:

@@ -7,6 +7,7 @@ import json
 import pickle
 import re
 import threading
+import warnings
 import zlib
 from pathlib import Path
 from types import SimpleNamespace
@@ -553,3 +554,35 @@ def test_writers_of_one_map(lines: list[Line]) -> None:
         thread.join()
     assert made.frame_count == 40
     assert len(made) > 3
+
+
+def test_inconsistent_poses_are_told_once(program: Program, tmp_path: Path) -> None:
+    path = tmp_path / "scene.json"
+    made = ["--no-ids", "--trajectory", "orbit", "--cube", "40", "--objects", "12", "--noise", "box:0.05"]
+    program("synth", "-q", "-o", path, *made, "--views", "60", "--seed", "1")
+    document = read_json(path)
+    camera = document["cameras"][0]
+
+    def fed(opengl: bool) -> tuple[quadlift.ObjectMap, list[warnings.WarningMessage]]:
+        object_map = quadlift.ObjectMap()
+        assert object_map.consistent is None
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            for k, frame in enumerate(document["frames"]):
+                pose = np.array(frame["cam_from_world"])
+                pose[1:] *= -1 if opengl else 1
+                boxes = [d["box"] for d in document["detections"] if d["frame"] == frame["id"]]
+                object_map.observe(frame["id"], time=float(k), camera=camera, cam_from_world=pose, boxes=boxes)
+        return object_map, told
+
+    right, told = fed(opengl=False)
+    assert right.consistent is True
+    assert told == []
+    wrong, told = fed(opengl=True)
+    assert [warning.category for warning in told] == [quadlift.InconsistentSceneWarning]
+    assert "OpenGL axes" in str(told[0].message)
+    assert told[0].filename == __file__
+    assert wrong.consistent is False
+    assert wrong.copy().consistent is False
+    with pytest.warns(quadlift.InconsistentSceneWarning, match="OpenGL axes"):
+        assert not wrong.localize().ok.any()

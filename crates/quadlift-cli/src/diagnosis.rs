@@ -30,12 +30,23 @@ pub(crate) fn tell(check: &Check, context: &Context, accepted: bool, title: &str
             100.0 * refined.miss
         ));
     }
-    match DiagnosisRecord::of(check, context).in_words() {
-        Some(words) if !check.diagnosis.consistent && !accepted => {
+    let record = DiagnosisRecord::of(check, context);
+    tell_words((record.in_words(), record.consistent), accepted, title, out)
+}
+
+/// Reports the problem of the map of a stream, which has no options to correct its input, and returns the outcome.
+pub(crate) fn tell_of_map(check: &Check, title: &str, out: &Output) -> Outcome {
+    let record = DiagnosisRecord::of(check, &Context::default());
+    tell_words((record.of_map_in_words(), record.consistent), false, title, out)
+}
+
+fn tell_words((words, consistent): (Option<String>, bool), accepted: bool, title: &str, out: &Output) -> Outcome {
+    match words {
+        Some(words) if !consistent && !accepted => {
             out.error(&format!("{title}: the scene is inconsistent: {words}"));
             Outcome::Inconsistent
         }
-        Some(words) if !check.diagnosis.consistent => {
+        Some(words) if !consistent => {
             out.warning(&format!("{title}: the scene is inconsistent: {words}"));
             Outcome::Fine
         }

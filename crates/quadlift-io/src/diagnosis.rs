@@ -154,6 +154,19 @@ impl DiagnosisRecord {
         }
     }
 
+    /// The same for commands that have no options to correct the input.
+    fn without_options(mut self) -> Self {
+        self.causes.iter_mut().chain(&mut self.together).for_each(|cause| cause.option = None);
+        self
+    }
+
+    /// [`Self::in_words`] of the map of a stream, which is inconsistent, too, where nothing agrees, and whose commands have no options
+    /// to correct it.
+    pub fn of_map_in_words(&self) -> Option<String> {
+        let words = self.clone().without_options().in_words();
+        words.or_else(|| (!self.consistent).then(|| "no boxes of different frames agree on an object".to_owned()))
+    }
+
     /// The problem with its evidence and the options that correct it; `None` if there is none.
     pub fn in_words(&self) -> Option<String> {
         match (&self.together[..], self.causes.first()) {

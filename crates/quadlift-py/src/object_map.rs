@@ -396,6 +396,12 @@ impl PyObjectMap {
         self.read(py, |map| map.last_frame().map(|(id, time)| (id.to_owned(), time)))
     }
 
+    /// Whether poses, cameras and boxes are consistent, if that is known.
+    #[getter]
+    fn consistent(&self, py: Python) -> PyResult<Option<bool>> {
+        self.read(py, ObjectMap::consistent)
+    }
+
     /// Ids of the frames that the map keeps.
     #[getter]
     fn kept_frames(&self, py: Python) -> PyResult<Vec<String>> {

@@ -14,8 +14,8 @@ use quadlift_io::write::mcap::MapMessages;
 use quadlift_io::write::{BodyChoice, CheckedScene};
 use quadlift_io::{ReadError, SceneFile};
 
-use crate::options::Options;
 use crate::bytes::Bytes;
+use crate::options::Options;
 
 /// A map at an instant, to be estimated on any thread.
 #[derive(Debug, Clone)]
@@ -110,7 +110,7 @@ fn objects_json(result: &SceneFile) -> Result<String, String> {
 }
 
 /// The time of a frame in nanoseconds: ids of frames of robots end with it.
-fn stamp(id: &str, time: f64) -> i64 {
+pub(crate) fn stamp(id: &str, time: f64) -> i64 {
     let exact = id.rsplit('/').next().and_then(|text| {
         let (seconds, rest) = text.split_once('.').filter(|(_, rest)| rest.len() == 9)?;
         let (seconds, nanoseconds): (i64, i64) = (seconds.parse().ok()?, rest.parse().ok()?);

@@ -3,8 +3,8 @@
 //! What the node does is here and needs no network: [`Session`] takes messages as bytes and gives messages as bytes. [`node`] connects
 //! it to DDS with `ros2-client`.
 //!
-//! [`arguments`] (the command line) and [`parameters`] become [`Options`]; [`estimation`] makes the messages of a map; [`query`] selects
-//! objects.
+//! [`arguments`] (the command line) and [`parameters`] become [`Options`]; [`estimation`] makes the messages of a map, [`status`] that of its
+//! consistency; [`query`] selects objects.
 #![forbid(unsafe_code)]
 
 pub mod bytes;
@@ -14,6 +14,7 @@ pub mod arguments;
 pub mod options;
 pub mod estimation;
 pub mod query;
+pub mod status;
 pub mod session;
 pub mod node;
 

@@ -20,11 +20,11 @@ use ros2_client::{
 use crate::arguments::{Arguments, Level};
 use crate::bytes::Bytes;
 use crate::estimation::{Estimate, Snapshot};
+use crate::options::Options;
 use crate::options::{Files, publish_period};
 use crate::parameters::{self, Value};
-use crate::session::{Action, Output};
-use crate::options::Options;
 use crate::session::Session;
+use crate::session::{Action, Output};
 
 /// Messages between the threads, at most; then DDS keeps the newest ones.
 const MOST_EVENTS: usize = 1000;
@@ -205,6 +205,7 @@ fn publish(node: &mut Node, arguments: &Arguments) -> Result<Outputs, String> {
         (Output::Markers, "~/markers", ("visualization_msgs", "MarkerArray"), latched(1)),
         (Output::ObjectsJson, "~/objects_json", ("std_msgs", "String"), latched(1)),
         (Output::Events, "~/events", ("std_msgs", "String"), reliable(DEPTH)),
+        (Output::Diagnostics, "/diagnostics", ("diagnostic_msgs", "DiagnosticArray"), reliable(10)),
     ];
     let publishers = all.into_iter().map(|(output, name, (package, kind), qos)| {
         let topic = arguments.resolve(name);

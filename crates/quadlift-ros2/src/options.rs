@@ -18,6 +18,8 @@ use crate::parameters::Parameters;
 /// What the node does.
 #[derive(Debug, Clone)]
 pub struct Options {
+    /// The name of the node's diagnostic status.
+    pub status_name: String,
     /// Topics of detections, with their absolute names.
     pub detections_topics: Vec<String>,
     /// Topics of calibrations.
@@ -106,6 +108,7 @@ impl Options {
             map,
             estimates,
             pose_noise,
+            status_name: format!("{}: consistency", arguments.full_name().trim_start_matches('/')),
             files: Files::new(parameters.text("state_file"), parameters.text("map_file")),
             resume: parameters.is_set("resume"),
             publish_period: publish_period(parameters.double("publish_period"))?,

@@ -3,20 +3,22 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
-use quadlift::online::ObjectMap;
+use quadlift::online::{Event, ObjectMap};
 use quadlift::scene;
 use quadlift_io::mcap::{LiveFrames, Next};
 use quadlift_io::scene_file::CameraRecord;
 use quadlift_io::stream::{
-    AboutRecord, FrameLine, LineError, OutputLine, StreamState, read_state_file, write_state_file,
+    AboutRecord, FrameLine, LineError, OutputLine, StreamState, inconsistency_in_words, read_state_file,
+    write_state_file,
 };
 use quadlift_io::write_scene_file;
 
-use crate::options::Options;
 use crate::arguments::Level;
 use crate::bytes::Bytes;
 use crate::estimation::{Estimate, Snapshot, text_message};
+use crate::options::Options;
 use crate::query::{Query, refusal};
+use crate::status::{Status, StatusLevel};
 
 /// What the node has to do.
 #[derive(Debug)]
@@ -40,6 +42,8 @@ pub enum Output {
     ObjectsJson,
     /// `std_msgs/String`: what a frame has changed, a line of `quadlift stream`.
     Events,
+    /// `diagnostic_msgs/DiagnosticArray`: whether poses, cameras and boxes are consistent.
+    Diagnostics,
 }
 
 /// The map with what it is made from.
@@ -56,11 +60,16 @@ pub struct Session {
     is_estimating: bool,
     /// When the last snapshot was made.
     last_snapshot: f64,
+    /// When the last diagnostic status was published.
+    last_status: f64,
     actions: VecDeque<Action>,
 }
 
 /// Images that are older than this, compared with the newest one, are not in view; seconds.
 const IN_VIEW: f64 = 1.0;
+
+/// How often a diagnostic status is published, seconds: as `diagnostic_updater` does.
+const STATUS_PERIOD: f64 = 1.0;
 
 impl Session {
     /// An empty map, or the one of the state if the node goes on.
@@ -78,6 +87,7 @@ impl Session {
             has_changed: true,
             is_estimating: false,
             last_snapshot: f64::NEG_INFINITY,
+            last_status: f64::NEG_INFINITY,
             actions: VecDeque::new(),
             options,
         };
@@ -132,7 +142,26 @@ impl Session {
             self.last_snapshot = now;
             self.actions.push_back(Action::Estimate(Box::new(Snapshot::new(&self.stream))));
         }
+        if now - self.last_status >= STATUS_PERIOD {
+            self.last_status = now;
+            let status = self.status().message(self.stream.map.last_frame());
+            self.actions.push_back(Action::Publish(Output::Diagnostics, status));
+        }
         std::mem::take(&mut self.actions).into_iter()
+    }
+
+    /// Whether poses, cameras and boxes are consistent, by the frames so far and the last estimate.
+    fn status(&self) -> Status {
+        let map = &self.stream.map;
+        let of_estimate = self.latest.as_ref().and_then(|estimate| estimate.result.run_record()?.diagnosis);
+        let of_estimate = of_estimate.filter(|found| !found.consistent).and_then(|found| found.of_map_in_words());
+        let level = match (map.consistent(), &of_estimate) {
+            (Some(false), _) => StatusLevel::Error(inconsistency_in_words(map.diagnosis())),
+            (_, Some(words)) => StatusLevel::Error(words.clone()),
+            (Some(true), None) => StatusLevel::Ok,
+            (None, None) => StatusLevel::NotChecked,
+        };
+        Status { name: self.options.status_name.clone(), level, frames: map.frames(), objects: map.objects().count() }
     }
 
     /// Whether detections wait, so that [`Self::work`] should be called soon.
@@ -191,6 +220,11 @@ impl Session {
         self.stream.scene.keep(checked, &self.stream.map);
         self.stream.poses_since = 0;
         self.has_changed = true;
+        for event in &update.events {
+            if let Event::Inconsistent { diagnosis } = event {
+                self.log(Level::Error, format!("the scene is inconsistent: {}", inconsistency_in_words(diagnosis)));
+            }
+        }
         let line = OutputLine::of_frame(&id, &update).to_text();
         self.actions.push_back(Action::Publish(Output::Events, text_message(line.trim_end())));
         self.log(Level::Debug, line.trim_end().to_owned());

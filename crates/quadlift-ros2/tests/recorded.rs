@@ -24,6 +24,7 @@ struct Done {
     map: Option<Bytes>,
     markers: Option<Bytes>,
     json: Option<Bytes>,
+    status: Option<Bytes>,
 }
 
 /// A session with a clock.
@@ -64,6 +65,7 @@ impl Robot {
                 Action::Publish(Output::Map, message) => self.done.map = Some(message),
                 Action::Publish(Output::Markers, message) => self.done.markers = Some(message),
                 Action::Publish(Output::ObjectsJson, message) => self.done.json = Some(message),
+                Action::Publish(Output::Diagnostics, message) => self.done.status = Some(message),
                 Action::Publish(Output::Events, message) => {
                     self.done.events.push(serde_json::from_str(&text(&message)).unwrap());
                 }
@@ -128,6 +130,36 @@ fn the_map_is_that_of_quadlift_stream() {
     all.iter().for_each(|message| late.send(message));
     assert_eq!(late.done.log, [""; 0]);
     assert!(late.saved(folder.path()) == expected);
+}
+
+/// A message of the node, as tools show it.
+fn status_of(message: &Option<Bytes>) -> Value {
+    const DEFINITION: &str = "std_msgs/Header header\nDiagnosticStatus[] status\n\
+        ================================================================================\nMSG: std_msgs/Header\n\
+        builtin_interfaces/Time stamp\nstring frame_id\n\
+        ================================================================================\nMSG: builtin_interfaces/Time\n\
+        int32 sec\nuint32 nanosec\n\
+        ================================================================================\nMSG: diagnostic_msgs/DiagnosticStatus\n\
+        byte level\nstring name\nstring message\nstring hardware_id\nKeyValue[] values\n\
+        ================================================================================\nMSG: diagnostic_msgs/KeyValue\n\
+        string key\nstring value\n";
+    message_to_json("diagnostic_msgs/DiagnosticArray", DEFINITION, &message.as_ref().unwrap().0).unwrap()["status"][0]
+        .clone()
+}
+
+#[test]
+fn a_status_says_whether_poses_and_boxes_agree() {
+    let all = messages(&log_of(&drive()));
+    let mut robot = Robot::new(&[]);
+    robot.work();
+    let status = status_of(&robot.done.status);
+    assert_eq!((&status["level"], &status["name"]), (&0.into(), &"quadlift: consistency".into()));
+    assert!(status["message"].as_str().unwrap().starts_with("not checked"), "{status}");
+    all.iter().for_each(|message| robot.send(message));
+    robot.pause();
+    let status = status_of(&robot.done.status);
+    assert_eq!((&status["level"], &status["values"][0]["value"]), (&0.into(), &FRAMES.to_string().into()), "{status}");
+    assert_eq!(status["message"], "poses, cameras and boxes are consistent");
 }
 
 #[test]

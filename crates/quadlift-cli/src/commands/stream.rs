@@ -20,6 +20,7 @@ use quadlift_io::stream::{StoredPriors, lasting_options};
 use serde_json::{Map, Value, json};
 
 use crate::args::DetailName;
+use crate::diagnosis::tell_of_map;
 use crate::error::{Outcome, usage};
 use crate::files::{check_file, check_result_name};
 use crate::localization::{file_options, prior_source};
@@ -58,7 +59,8 @@ Examples:
 Ctrl-C, SIGTERM and a closed output end the stream: map, state and report are written. A second signal ends the program at
 once.
 
-Exit codes: 0 the stream has ended; 1 a file cannot be read or written, or --strict and a line is wrong; 2 wrong usage."
+Exit codes: 0 the stream has ended; 1 a file cannot be read or written, or --strict and a line is wrong; 2 wrong usage;
+3 poses, cameras and boxes are inconsistent: no object of the map is ok."
 )]
 pub(crate) struct Args {
     /// Frames: - for JSON Lines on the standard input (default), a file of such lines, a scene file (.json), or a log in MCAP
@@ -228,7 +230,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     // Whatever ended the stream, what was seen is written.
     let (text, written) = session.end(&files);
     ended?;
-    written?;
+    let check = written?;
     let wrote: String = outputs.iter().flatten().map(|path| format!("wrote {}\n", path.display())).collect();
     out.report(&format!("{text}\n{wrote}"))?;
     if let Some(map) = &args.map {
@@ -242,5 +244,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         )
         .tell(out)?;
     }
-    Ok(if session.has_failed_writes() { Outcome::SomethingFailed } else { Outcome::Fine })
+    let title = args.input().map_or_else(|| "the stream".to_owned(), |path| path.display().to_string());
+    let outcome = tell_of_map(&check, &title, out);
+    Ok(outcome.and(if session.has_failed_writes() { Outcome::SomethingFailed } else { Outcome::Fine }))
 }

@@ -479,3 +479,87 @@ fn what_happens_to_rerun_does_not_change_the_stream() {
         String::from_utf8(output.stderr).unwrap().contains("cannot start no-python (QUADLIFT_PYTHON names another)")
     );
 }
+
+/// A scene of twelve objects seen once around, without ids; `change` is made to each pose.
+fn around(folder: &Folder, name: &str, change: impl Fn(usize, &mut [Vec<f64>])) {
+    folder.succeed(
+        "synth -q -o right.json --no-ids --trajectory orbit --cube 40 --objects 12 --views 60 --noise box:0.05 --seed 1",
+    );
+    let mut scene = folder.json("right.json");
+    for (index, frame) in scene["frames"].as_array_mut().unwrap().iter_mut().enumerate() {
+        let mut rows: Vec<Vec<f64>> = serde_json::from_value(frame["cam_from_world"].clone()).unwrap();
+        change(index, &mut rows);
+        frame["cam_from_world"] = json!(rows);
+    }
+    folder.write_json(name, &scene);
+}
+
+/// OpenGL's axes.
+fn to_opengl(rows: &mut [Vec<f64>]) {
+    rows[1..].iter_mut().flatten().for_each(|x| *x = -*x);
+}
+
+#[test]
+fn poses_in_other_axes_are_told_once_and_no_object_is_ok() {
+    let folder = Folder::new();
+    around(&folder, "all.json", |_, rows| to_opengl(rows));
+    around(&folder, "half.json", |k, rows| {
+        if k % 2 == 1 {
+            to_opengl(rows)
+        }
+    });
+    for (name, words) in
+        [("all.json", "the cameras have OpenGL axes"), ("half.json", "% of the frames (000001, 000003")]
+    {
+        for files in ["", " --map map.json"] {
+            let (lines, code, told) = stream(&folder, &format!("stream {name}{files}"), "");
+            assert_eq!(code, 3, "{name}{files}: {told}");
+            let events = lines.iter().flat_map(|line| line["events"].as_array().unwrap());
+            let found: Vec<&Value> = events.filter(|event| event["type"] == "inconsistent").collect();
+            assert_eq!(found.len(), 1, "{name}: {found:?}");
+            assert_eq!(found[0]["causes"][0], "opengl_axes");
+            assert!(found[0]["message"].as_str().unwrap().contains(words), "{name}: {found:?}");
+            assert!(
+                told.contains(&format!("error: {name}: the scene is inconsistent: ")) && told.contains(words),
+                "{told}"
+            );
+            // `stream` has no option that corrects it.
+            assert!(!told.contains("--assume"), "{told}");
+            assert!(lines.iter().all(|line| super::stream_schema::forbidden("output", line).is_none()));
+        }
+        let map = folder.json("map.json");
+        assert_eq!(map["localization"]["diagnosis"]["consistent"], false);
+        assert_eq!(map["localization"]["localized"], 0);
+        let mut objects = map["objects"].as_array().into_iter().flatten();
+        assert!(objects.all(|object| object["status"] != "ok"), "{map}");
+    }
+}
+
+#[test]
+fn right_poses_are_not_told() {
+    let folder = Folder::new();
+    around(&folder, "scene.json", |_, _| {});
+    for files in ["", " --map map.json --report map.html"] {
+        let (lines, code, told) = stream(&folder, &format!("stream scene.json{files}"), "");
+        assert_eq!(code, 0, "{told}");
+        assert!(!lines.iter().any(|line| line.to_string().contains("inconsistent")));
+        assert!(!told.contains("error") && !told.contains("warning"), "{told}");
+    }
+    assert_eq!(folder.json("map.json")["localization"]["diagnosis"]["consistent"], true);
+}
+
+#[test]
+fn a_stream_that_goes_on_tells_an_inconsistency_no_second_time() {
+    let folder = Folder::new();
+    around(&folder, "scene.json", |_, rows| to_opengl(rows));
+    let lines = lines_of(&folder.json("scene.json"));
+    let part = |range: std::ops::Range<usize>| lines[..1].iter().chain(&lines[range]).cloned().collect::<String>();
+    let told = |lines: &[Value]| lines.iter().filter(|line| line.to_string().contains("\"inconsistent\"")).count();
+    let arguments = "stream --state state --resume --map parts.json";
+    let (first, code, _) = stream(&folder, arguments, &part(1..41));
+    assert_eq!((told(&first), code), (1, 3));
+    let (second, code, _) = stream(&folder, arguments, &part(41..61));
+    assert_eq!((told(&second), code), (0, 3));
+    assert_eq!(stream(&folder, "stream --map whole.json", &part(1..61)).1, 3);
+    assert_eq!(folder.read("parts.json"), folder.read("whole.json"));
+}

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use quadlift::diagnosis::{Cause, Correction};
+use quadlift::diagnosis::{Cause, Correction, Diagnosis};
 use quadlift::online::ObjectMap;
 use quadlift::run::Input;
 use quadlift::scene::Scene;
@@ -171,6 +171,10 @@ impl Input for FileInput {
 
     fn scene_mut(&mut self) -> &mut Scene {
         Arc::make_mut(&mut self.scene)
+    }
+
+    fn known(&self) -> Diagnosis {
+        self.memory.as_ref().map_or_else(Diagnosis::default, |memory| memory.diagnosis.clone())
     }
 
     fn corrected(&self, corrections: &[Correction]) -> Option<Scene> {

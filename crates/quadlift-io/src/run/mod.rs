@@ -8,7 +8,7 @@ mod record;
 use std::borrow::Cow;
 use std::path::Path;
 
-use quadlift::run::{Run, RunError};
+use quadlift::run::{Check, Input, Run, RunError};
 use quadlift::{Localization, Observer};
 
 pub use input::{FileInput, InputError};
@@ -56,7 +56,8 @@ pub fn run_file(
     observer: &dyn Observer,
 ) -> Result<FileRun, Box<(FileInput, FileRunError)>> {
     let run = if input.memory.is_some() && input.scene().detections.is_empty() {
-        Ok(Run::default())
+        let diagnosis = input.known();
+        Ok(Run { check: Check { diagnosis, ..Check::default() }, ..Run::default() })
     } else {
         match options.for_scene(input.scene()) {
             Err(problem) => Err(FileRunError::Unit(problem)),

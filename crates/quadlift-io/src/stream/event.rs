@@ -1,9 +1,12 @@
 //! A line of the output: what a frame has changed in the map.
 
+use quadlift::diagnosis::{CauseName, Diagnosis};
 use quadlift::online::{DetectionRef, Event, FrameUpdate, ObjectId, Removal};
+use quadlift::run::Check;
 use serde::Serialize;
 
 use super::line::LineError;
+use crate::diagnosis::{Context, DiagnosisRecord};
 
 /// A line of the output. Members that are `None` are left out.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
@@ -74,6 +77,13 @@ pub enum EventRecord {
         /// Number of objects that should be seen.
         expected: usize,
     },
+    /// Poses, cameras and boxes contradict each other.
+    Inconsistent {
+        /// What explains it, in words.
+        message: String,
+        /// The causes, the best first.
+        causes: Vec<CauseName>,
+    },
     /// An event that this version does not know.
     Other,
     /// The line or the frame was not taken.
@@ -115,9 +125,19 @@ impl From<&Event> for EventRecord {
             Event::Removed { object, reason } => Self::Removed { object: id(object), reason: reason_name(*reason) },
             Event::Returned { object } => Self::Returned { object: id(object) },
             Event::Disagrees { expected } => Self::Disagrees { expected: *expected },
+            Event::Inconsistent { diagnosis } => {
+                let causes = diagnosis.causes.iter().map(|cause| cause.name).collect();
+                Self::Inconsistent { message: inconsistency_in_words(diagnosis), causes }
+            }
             _ => Self::Other,
         }
     }
+}
+
+/// Why frames of a stream are inconsistent. Options that correct it are those of other commands.
+pub fn inconsistency_in_words(diagnosis: &Diagnosis) -> String {
+    let check = Check { diagnosis: diagnosis.clone(), ..Check::default() };
+    DiagnosisRecord::of(&check, &Context::default()).of_map_in_words().unwrap_or_default()
 }
 
 /// The name of a reason in the output.

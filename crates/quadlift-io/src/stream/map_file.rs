@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use quadlift::diagnosis::Diagnosis;
 use quadlift::online::{MapObject, ObjectMap, Presence};
 use serde::{Deserialize, Serialize};
 
@@ -18,6 +19,8 @@ pub struct MapMemory {
     pub objects: Vec<MapObject>,
     /// Number of frames, id and time of the last one, if there is one.
     pub(crate) stream: Option<StreamRecord>,
+    /// What the map has found wrong with its frames; consistent if nothing is.
+    pub diagnosis: Diagnosis,
 }
 
 impl MapMemory {
@@ -26,6 +29,7 @@ impl MapMemory {
         let last = map.last_frame();
         Self {
             objects: map.objects().collect(),
+            diagnosis: map.diagnosis().clone(),
             stream: last.map(|(id, last_time)| StreamRecord {
                 frames: map.frames(),
                 last_frame: id.to_owned(),

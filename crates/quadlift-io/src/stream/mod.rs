@@ -13,7 +13,7 @@ mod options;
 mod scene;
 mod state;
 
-pub use event::{DetectionRecord, EventRecord, OutputLine};
+pub use event::{DetectionRecord, EventRecord, OutputLine, inconsistency_in_words};
 pub use input::{Input, LineReader, MAX_LINE, NextLine, open};
 pub use line::{AboutRecord, CameraOfFrame, FrameLine, Line, LineError, PoseRecord, parse_line, scene_to_frames};
 pub use map_file::{MapMemory, MemoryRecord, ShareRecord, StreamRecord};

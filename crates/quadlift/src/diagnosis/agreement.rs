@@ -32,6 +32,7 @@ const FEW_WRONG: f64 = 0.05;
 
 /// How consistent a scene is.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Agreement {
     /// Typical distance between the middle of a box and the object's projected center, in half sizes of the box: the
     /// scale of a distribution with heavy tails (Student's t, two degrees of freedom), between 0.003 and 3.

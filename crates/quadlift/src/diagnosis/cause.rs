@@ -158,6 +158,7 @@ impl CauseName {
 
 /// A mistake that explains why a scene is inconsistent.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Cause {
     /// Which mistake.
     pub name: CauseName,

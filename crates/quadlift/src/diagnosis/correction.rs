@@ -13,6 +13,7 @@ use crate::geometry::{BoundingBox, Ellipse, Intrinsics};
 
 /// How the numbers of a box were read, and how they are meant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum BoxFormat {
     /// Two corners were read as corner and size: `[x0, y0, x1, y1]` as `[x, y, w, h]`.
     CornersReadAsSize,
@@ -32,6 +33,7 @@ pub enum BoxFormat {
 
 /// A correction of one of the common mistakes.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Correction {
     /// The poses map from the camera to the world; they are inverted.
     InvertPoses,

@@ -47,3 +47,4 @@ pub use verdict::Diagnosis;
 pub use with_ids::diagnose;
 pub(crate) use with_ids::diagnose_refined;
 pub use without_ids::diagnose_association;
+pub(crate) use without_ids::is_convincing;

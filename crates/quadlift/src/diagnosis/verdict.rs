@@ -23,6 +23,7 @@ const MOST_CAUSES: usize = 3;
 
 /// The result of the self-check.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Diagnosis {
     /// Whether the scene is consistent.
     pub consistent: bool,

@@ -4,7 +4,7 @@
 //! common mistakes are undone one by one and a part of the scene is associated again; the mistake whose correction
 //! yields much more evidence is the cause.
 
-use super::agreement::FEWEST_BOXES;
+use super::agreement::{Agreement, FEWEST_BOXES};
 use super::cause::Cause;
 use super::correction::{BoxFormat, Correction};
 use super::hypotheses::{FAMILIES, discrete};
@@ -77,8 +77,7 @@ fn with_hypotheses(
         return Ok(found);
     }
     let used = scene.detections.iter().filter(|d| is_used(d)).count();
-    let agrees = found.agreement.is_some_and(|agreement| agreement.miss < SMALL_MISS);
-    if (agrees && evidence(association) >= PLENTY_OF_EVIDENCE * used as f64) || used < FEWEST_BOXES {
+    if is_convincing(association, used, found.agreement) || used < FEWEST_BOXES {
         return Ok(found);
     }
     let tried = Tried::new(scene, &is_used, options);
@@ -110,6 +109,12 @@ fn with_hypotheses(
     }
     let cause = Cause::new(best.refined(&is_used), before.agreement, best.agreement);
     Ok(Diagnosis { consistent: false, agreement: Some(before.agreement), causes: vec![cause] })
+}
+
+/// Whether an association of so many detections has so much evidence that it is not compared with others, which takes long.
+pub(crate) fn is_convincing(association: &Association, detections: usize, agreement: Option<Agreement>) -> bool {
+    let agrees = agreement.is_some_and(|agreement| agreement.miss < SMALL_MISS);
+    agrees && evidence(association) >= PLENTY_OF_EVIDENCE * detections as f64
 }
 
 /// The trial with more evidence, the first of equals.

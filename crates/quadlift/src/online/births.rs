@@ -76,7 +76,7 @@ impl ObjectMap {
             let Some(keyframe) = self.keyframes.get(frame.key) else { continue };
             let Some(inverse) = keyframe.camera.matrix.fixed_columns::<3>(0).try_inverse() else { continue };
             for (place, RecentBox { view, input_id, .. }) in
-                frame.boxes.iter().enumerate().filter(|(_, b)| b.owner.is_none())
+                frame.boxes.iter().enumerate().filter(|(place, _)| frame.is_free(*place))
             {
                 if others.len() >= most {
                     break;
@@ -107,7 +107,7 @@ impl ObjectMap {
         self.running.assigned += tracked.views.len() as i64;
         self.look_back(&mut tracked);
         let detections: Vec<DetectionRef> =
-            tracked.views[..tracked.views.len() - 1].iter().filter_map(|view| self.detection_of(view)).collect();
+            tracked.views[..tracked.views.len() - 1].iter().flat_map(|view| self.detections_of(view)).collect();
         self.put(tracked);
         update.events.push(Event::New { object: id, detections });
         self.forget_beyond_limit(id, update);
@@ -150,7 +150,7 @@ impl ObjectMap {
                 continue;
             }
             let boxes = &self.recent[recent].boxes;
-            let places: Vec<usize> = (0..boxes.len()).filter(|&k| boxes[k].owner.is_none()).collect();
+            let places: Vec<usize> = (0..boxes.len()).filter(|&k| self.recent[recent].is_free(k)).collect();
             let (observations, statistics) = self.gather(places.iter().map(|&k| &boxes[k].view));
             let visible = is_visible(&prediction, camera, observations.least_half_size);
             let ratios = LogLikelihoodRatios::new(&observations, &statistics);

@@ -37,7 +37,7 @@ impl ObjectMap {
             return;
         }
         let object = Some(taker.id);
-        let detections: Vec<DetectionRef> = given.iter().filter_map(|view| self.detection_of(view)).collect();
+        let detections: Vec<DetectionRef> = given.iter().flat_map(|view| self.detections_of(view)).collect();
         for view in given {
             self.keyframes.hold(view.keyframe);
             self.take_back(from, &view, None);

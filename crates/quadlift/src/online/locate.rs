@@ -4,7 +4,7 @@ use super::map::ObjectMap;
 use super::tracked::Presence;
 use super::update::ObjectId;
 use crate::geometry::Ellipsoid;
-use crate::locate::{Landmark, LandmarkMap, LocateOptions, Located, Query};
+use crate::locate::{Landmark, LandmarkMap, LocateOptions, LocateStatus, Located, Query};
 
 /// Where the camera of an image is in a map.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,19 +44,24 @@ impl ObjectMap {
         LocateOptions { edge_sd: self.running.statistics.edge_sd, ..Default::default() }
     }
 
-    /// The camera of an image, from its boxes: the map is not changed. A frame that was located can be observed with its pose.
+    /// The camera of an image, from its boxes: the map is not changed. A frame that was located can be observed with its pose. In a map
+    /// that is not [consistent](ObjectMap::consistent) no pose is [`LocateStatus::Ok`].
     ///
     /// See docs/method.md, section 20.
     pub fn locate(&self, query: &Query, options: &LocateOptions) -> LocatedInMap {
         let (ids, map) = self.landmarks();
-        LocatedInMap { located: map.locate(query, options), ids }
+        let mut located = map.locate(query, options);
+        if self.consistent() == Some(false) && located.status == LocateStatus::Ok {
+            located.status = LocateStatus::Inconsistent;
+        }
+        LocatedInMap { located, ids }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::locate::{LocateStatus, QueryBox};
+    use crate::locate::QueryBox;
     use crate::online::{Detection, Frame, OnlineOptions};
     use crate::synthetic::{Noise, Observations, SyntheticOptions, generate};
 
@@ -102,6 +107,8 @@ mod tests {
         // Beyond 22.5 is one of 1000 with six degrees of freedom.
         assert!(nees < 22.5 && best.matches.len() >= 10, "{nees} {:?}", best.matches);
         assert_eq!(found.ids.len(), map.objects().count());
+        map.windows.consistent = Some(false);
+        assert_eq!(map.locate(&query, &map.locate_options()).located.status, LocateStatus::Inconsistent);
         let empty = ObjectMap::new(OnlineOptions::default()).unwrap();
         assert_eq!(empty.locate(&query, &empty.locate_options()).located.status, LocateStatus::TooFewObjects);
     }

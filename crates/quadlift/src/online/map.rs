@@ -13,6 +13,7 @@ use super::tracked::{Presence, Tracked};
 use super::update::ObjectId;
 use super::views::{KeptView, RecentFrame, from_bits};
 use super::visibility::VisibilityIndex;
+use super::windows::Windows;
 use crate::association::input::observations::{Camera, Observations};
 use crate::association::score::fit::{Start, fit};
 use crate::association::score::input_ids::IdTally;
@@ -20,6 +21,7 @@ use crate::association::score::object::Object;
 use crate::association::score::scene_statistics::SceneStatistics;
 use crate::association::statistics::DetectionRate;
 use crate::association::{AssociateError, IdUse};
+use crate::diagnosis::Diagnosis;
 use crate::geometry::Ellipsoid;
 
 /// Initial slack of edges, pixels.
@@ -98,6 +100,9 @@ pub struct ObjectMap {
     /// Pairs of objects whose merge was refused, with their numbers of views at that time.
     pub(super) tried_pairs: BTreeMap<(u64, u64), (usize, usize)>,
     pub(super) rate: DetectionRate,
+    /// Frames for the consistency check, and what it has found so far.
+    pub(super) windows: Windows,
+    pub(super) diagnosis: Diagnosis,
 }
 
 /// An object of a map.
@@ -162,6 +167,8 @@ impl ObjectMap {
             disagreeing: 0,
             tried_pairs: BTreeMap::new(),
             rate: DetectionRate::new(RATE_VIEWS),
+            windows: Windows::default(),
+            diagnosis: Diagnosis::default(),
         })
     }
 
@@ -180,7 +187,7 @@ impl ObjectMap {
         self.last.as_ref().map(|(time, id)| (id.as_str(), *time))
     }
 
-    /// Number of kept frames: those of kept views, and the recent ones.
+    /// Number of kept frames: those of kept views, the recent ones, and those for the consistency check.
     pub fn keyframes(&self) -> usize {
         self.keyframes.len()
     }
@@ -251,8 +258,8 @@ impl ObjectMap {
             evidence,
             ellipsoid,
             categories,
-            detections: object.views(),
-            expected_views: object.visible.max(object.views()),
+            detections: object.views() + tracked.repeated as usize,
+            expected_views: object.visible.max(object.views()) + tracked.repeated as usize,
             kept_views: tracked.views.len(),
             first_seen: tracked.first_time,
             last_seen: tracked.last_time,

@@ -116,7 +116,7 @@ impl ObjectMap {
         let lost: Vec<&KeptView> =
             old.views.iter().chain(&young.views).filter(|view| !union.views.iter().any(|v| v.is_same(view))).collect();
         self.running.assigned -= lost.len() as i64;
-        let detections: Vec<DetectionRef> = lost.into_iter().filter_map(|view| self.detection_of(view)).collect();
+        let detections: Vec<DetectionRef> = lost.into_iter().flat_map(|view| self.detections_of(view)).collect();
         union.views.iter().for_each(|view| self.keyframes.hold(view.keyframe));
         for view in old.views.iter().chain(&young.views) {
             self.keyframes.release(view.keyframe);

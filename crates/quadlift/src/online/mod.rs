@@ -12,6 +12,9 @@
 //! 4. `lifecycle`: evidence confirms objects; clear views without a detection remove them.
 //! 5. `merging`: objects that overlap in the image are merged if they are one.
 //! 6. `learning`: noise, clutter and sizes are estimated from a sample of the objects (`running`).
+//! 7. `consistency`: from time to time the last frames with all their boxes are checked as the scene of a run is.
+//!
+//! A frame from the place of a recent one adds no view (`standstill`).
 //!
 //! An object keeps a bounded number of views (`views`); the others are forgotten and only counted. `poses` moves keyframes after
 //! a loop closure, and `scene` makes a [`crate::scene::Scene`] of the kept views for the estimators, reports and files.
@@ -27,6 +30,7 @@ mod options;
 mod running;
 mod update;
 mod views;
+mod windows;
 mod current;
 mod summary;
 mod tracked;
@@ -39,6 +43,8 @@ mod locate;
 mod matching;
 mod lifecycle;
 mod merging;
+mod consistency;
+mod standstill;
 mod observe;
 mod poses;
 mod recent;

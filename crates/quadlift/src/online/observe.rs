@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use nalgebra::Vector2;
 
+use super::consistency::left_out;
 use super::current::Current;
 use super::input::{Detection, Frame, ObserveError};
 use super::kept_cues::KeptCues;
@@ -32,7 +33,8 @@ impl ObjectMap {
     pub fn observe(&mut self, frame: &Frame, detections: &[Detection]) -> Result<FrameUpdate, ObserveError> {
         self.check(frame, detections)?;
         let mut update = FrameUpdate { objects: vec![None; detections.len()], events: Vec::new() };
-        let mut current = self.take_in(frame, detections);
+        let place = self.same_place(frame);
+        let mut current = self.take_in(frame, detections, place.is_some());
         let slots = self.visibility.near(&current.observations.cameras[0].center);
         let (matched, shift) = self.match_boxes(&mut current, &slots, frame.pose_noise, &|_| None);
         shift.iter().for_each(|shift| self.running.learn_shift(shift));
@@ -43,7 +45,11 @@ impl ObjectMap {
         } else {
             self.disagreeing = 0;
         }
-        if disagrees.is_none() || self.disagreeing > BELIEVED_AFTER {
+        let is_believed = disagrees.is_none() || self.disagreeing > BELIEVED_AFTER;
+        if let (Some(place), true) = (place, is_believed) {
+            self.repeat(place, &mut current, &matched, &mut update);
+            self.keyframes.release(current.key);
+        } else if is_believed {
             let seen = self.assign(&mut current, matched, &mut update);
             self.begin_objects(&mut current, &mut update);
             self.merge_overlapping(&seen, &mut update);
@@ -53,13 +59,14 @@ impl ObjectMap {
                 .views
                 .into_iter()
                 .zip(current.input_ids)
-                .map(|(view, input_id)| RecentBox { owner: object_of(&view), view, input_id })
+                .map(|(view, input_id)| RecentBox { owner: object_of(&view), view, input_id, copies: Vec::new() })
                 .collect();
-            self.recent.push_back(RecentFrame { key: current.key, time: frame.time, boxes });
+            self.recent.push_back(RecentFrame { key: current.key, time: frame.time, boxes, repeats: 0 });
             self.look_back_at_frames(&mut update);
         } else {
-            self.keyframes.release(current.key);
+            self.keep_for_check(left_out(current.key, frame.time, current.views, current.input_ids));
         }
+        self.check_if_due(&mut update);
         self.last = Some((frame.time, frame.id.clone()));
         Ok(update)
     }
@@ -132,14 +139,15 @@ impl ObjectMap {
         index as u32
     }
 
-    /// Counts the frame and prepares its boxes.
-    fn take_in(&mut self, frame: &Frame, detections: &[Detection]) -> Current {
+    /// Counts the frame and prepares its boxes; those of a frame `is_repeated` from a place do not count.
+    fn take_in(&mut self, frame: &Frame, detections: &[Detection], is_repeated: bool) -> Current {
         let key = self.next_key;
         self.next_key = self.next_key.saturating_add(1);
         if self.running.frames == 0 {
             self.origin = frame.projection.center_in_world().map_or(self.origin, |c| c.coords);
         }
         self.running.frames += 1;
+        self.running.repeated += u64::from(is_repeated);
         self.running.longest_focal = self.running.longest_focal.max(frame.projection.focal_length());
         let mut views = Vec::with_capacity(detections.len());
         let mut shapes = kept_shapes(frame, detections);
@@ -161,6 +169,10 @@ impl ObjectMap {
             }
             let shape = shapes.get_mut(index).and_then(Option::take);
             let view = self.view_of(key, index, detection, &measured, frame);
+            if !is_repeated {
+                let observation = view.observation(0, &Vector2::zeros());
+                self.running.count_box(observation.log_half, observation.half_size, usize::from(view.category));
+            }
             views.push(KeptView { shape: shape.map(Box::new), ..view });
         }
         views.sort_by(|a, b| a.edges[0].total_cmp(&b.edges[0]).then(a.detection.cmp(&b.detection)));
@@ -208,7 +220,7 @@ impl ObjectMap {
             source
         };
         let cues = detection.cues.filter(|cues| !cues.is_empty()).map(|cues| Box::new(KeptCues::of(cues, source_of)));
-        let view = KeptView {
+        KeptView {
             keyframe: key,
             // Checked to be less than MAX_DETECTIONS.
             detection: index as u16,
@@ -222,10 +234,7 @@ impl ObjectMap {
             category,
             score: detection.score.map(|score| score as f32),
             log_clutter: 0.0,
-        };
-        let observation = view.observation(0, &Vector2::zeros());
-        self.running.count_box(observation.log_half, observation.half_size, category as usize);
-        view
+        }
     }
 
     /// The number of a category.

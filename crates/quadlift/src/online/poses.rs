@@ -81,6 +81,7 @@ impl ObjectMap {
             self.exchange(&touched, &mut update);
             self.assign_kept(&mut update);
         }
+        self.check_suspect();
         update
     }
 
@@ -90,8 +91,10 @@ impl ObjectMap {
         for tracked in self.tracked() {
             for view in &tracked.views {
                 let Some(keyframe) = self.keyframes.get(view.keyframe) else { continue };
-                let nothing = || RecentFrame { key: view.keyframe, time: keyframe.frame.time, boxes: Vec::new() };
-                let found = RecentBox { view: view.clone(), input_id: None, owner: Some(tracked.id) };
+                let nothing =
+                    || RecentFrame { key: view.keyframe, time: keyframe.frame.time, boxes: Vec::new(), repeats: 0 };
+                let found =
+                    RecentBox { view: view.clone(), input_id: None, owner: Some(tracked.id), copies: Vec::new() };
                 frames.entry(view.keyframe).or_insert_with(nothing).boxes.push(found);
             }
         }
@@ -157,7 +160,7 @@ impl ObjectMap {
             self.take_back(slot, view, None);
             self.set_owner(view, None);
         }
-        let detections: Vec<DetectionRef> = views.iter().filter_map(|view| self.detection_of(view)).collect();
+        let detections: Vec<DetectionRef> = views.iter().flat_map(|view| self.detections_of(view)).collect();
         self.refit(slot, update);
         let Some(object) = object else {
             views.iter().for_each(|view| self.keyframes.release(view.keyframe));

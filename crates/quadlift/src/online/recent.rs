@@ -1,8 +1,9 @@
 //! Assigns the boxes of the last frames again, when the objects are known better.
 
+use super::MAX_DETECTIONS;
 use super::current::Current;
 use super::map::ObjectMap;
-use super::update::{Event, FrameUpdate, ObjectId, Removal};
+use super::update::{DetectionRef, Event, FrameUpdate, ObjectId, Removal};
 use super::views::{KeptView, RecentBox, RecentFrame, to_bits};
 use crate::association::input::observations::{BoxObservation, Camera};
 use crate::association::score::fit::Start;
@@ -22,11 +23,12 @@ struct Change {
 }
 
 impl ObjectMap {
-    /// Assigns the boxes of all recent frames again, for the end of a stream. It takes about as long as observing that many
-    /// frames.
+    /// Assigns the boxes of all recent frames again and checks them, for the end of a stream. It takes about as long as observing that
+    /// many frames.
     pub fn settle(&mut self) -> FrameUpdate {
         let mut update = FrameUpdate::default();
         self.recent_again(&mut update);
+        self.check_at_end(&mut update);
         update
     }
 
@@ -47,7 +49,7 @@ impl ObjectMap {
         }
         while self.recent.len() > WINDOW {
             if let Some(old) = self.recent.pop_front() {
-                self.keyframes.release(old.key);
+                self.keep_for_check(old);
             }
         }
     }
@@ -77,6 +79,11 @@ impl ObjectMap {
     pub(super) fn assign_again(&mut self, frame: &mut RecentFrame, update: &mut FrameUpdate) {
         let Some(changes) = self.changes(frame) else { return };
         let mut changed: Vec<u32> = Vec::new();
+        // The frame is not among the recent ones now.
+        let detections = |map: &Self, found: &RecentBox| -> Vec<DetectionRef> {
+            let own = map.detection_of(&found.view).filter(|_| usize::from(found.view.detection) < MAX_DETECTIONS);
+            own.into_iter().chain(found.copies.iter().cloned()).collect()
+        };
         for change in &changes {
             let Some(slot) = change.from else { continue };
             let found = &frame.boxes[change.index];
@@ -92,7 +99,7 @@ impl ObjectMap {
                 changed.push(slot);
             }
             frame.boxes[change.index].owner = owner;
-            let detections = self.detection_of(&frame.boxes[change.index].view).into_iter().collect();
+            let detections = detections(self, &frame.boxes[change.index]);
             update.events.push(Event::Reassigned { object: owner, detections });
         }
         changed.sort_unstable();

@@ -22,6 +22,9 @@ const RATE_PRIOR: [f64; 2] = [8.0, 0.8];
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Running {
     pub frames: u64,
+    /// Frames from the place of an earlier one: their boxes do not count.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub repeated: u64,
     pub boxes: u64,
     /// Assigned boxes.
     pub assigned: i64,
@@ -50,6 +53,7 @@ impl Running {
     pub(super) fn new(pixel_sd: f64) -> Self {
         Self {
             frames: 0,
+            repeated: 0,
             boxes: 0,
             assigned: 0,
             log_sizes: [0.0; 2],
@@ -77,7 +81,7 @@ impl Running {
     /// Whether all counts are within [`MOST`].
     pub(super) fn is_countable(&self) -> bool {
         let assigned = self.assigned.unsigned_abs();
-        [self.frames, self.boxes, assigned, self.shift_frames].iter().all(|&n| n < MOST)
+        [self.frames, self.repeated, self.boxes, assigned, self.shift_frames].iter().all(|&n| n < MOST)
             && self.histogram.iter().chain(&self.category_counts).all(|&n| n < MOST)
     }
 
@@ -132,7 +136,7 @@ impl Running {
 
     /// Updates the clutter rate.
     pub(super) fn learn_clutter(&mut self) {
-        let (frames, all) = (self.frames.max(1) as f64, self.boxes as f64);
+        let (frames, all) = (self.frames.saturating_sub(self.repeated).max(1) as f64, self.boxes as f64);
         let free = (all - self.assigned as f64) / frames;
         self.statistics.log_clutter_rate = free.max(0.02 * all / frames).max(0.02).ln();
     }

@@ -13,9 +13,11 @@ use super::running::{MOST, Running};
 use super::tracked::{Presence, Tracked};
 use super::update::ObjectId;
 use super::views::{KeptView, RecentFrame};
+use super::windows::Windows;
 use crate::association::AssociateError;
 use crate::association::score::input_ids::IdTally;
 use crate::association::score::object::Object;
+use crate::diagnosis::Diagnosis;
 use crate::geometry::{Camera, CameraModel, Projection};
 use crate::solve::PoseNoise;
 
@@ -48,6 +50,8 @@ pub struct MapState {
     indexed_range: f64,
     disagreeing: u32,
     tried_pairs: Vec<((u64, u64), (usize, usize))>,
+    windows: Windows,
+    diagnosis: Diagnosis,
 }
 
 /// Version of the format that is written and read.
@@ -87,6 +91,8 @@ struct TrackedState {
     visible: usize,
     views: Vec<KeptView>,
     fitted_views: usize,
+    #[cfg_attr(feature = "serde", serde(default))]
+    repeated: u32,
     categories: Vec<(u16, u32)>,
     input_ids: Vec<(u32, u32)>,
     presence: Presence,
@@ -137,6 +143,8 @@ impl ObjectMap {
             indexed_range: self.indexed_range,
             disagreeing: self.disagreeing,
             tried_pairs: self.tried_pairs.iter().map(|(&pair, &views)| (pair, views)).collect(),
+            windows: self.windows.clone(),
+            diagnosis: self.diagnosis.clone(),
         }
     }
 
@@ -172,6 +180,8 @@ impl ObjectMap {
         map.indexed_range = state.indexed_range;
         map.disagreeing = state.disagreeing;
         map.tried_pairs = state.tried_pairs.into_iter().collect();
+        map.windows = state.windows;
+        map.diagnosis = state.diagnosis;
         for slot in 0..map.slots.len() as u32 {
             if let Some(id) = map.slot(slot).map(|tracked| tracked.id) {
                 map.slot_of_id.insert(id, slot);
@@ -209,7 +219,10 @@ impl MapState {
                 && view.shape.as_ref().is_none_or(|shape| shape.is_valid())
                 && view.cues.as_ref().is_none_or(|cues| cues.is_valid(self.cue_sources.len()))
         };
-        for frame in &self.recent {
+        for frames in [&self.windows.frames, &self.windows.suspect] {
+            hold(frames.windows(2).all(|w| w[0].key < w[1].key), "checked frames are not in order")?;
+        }
+        for frame in self.recent.iter().chain(self.windows.all()) {
             hold(is_known(frame.key), "a recent frame is missing")?;
             hold(frame.boxes.iter().all(|b| is_view(&b.view) && b.view.keyframe == frame.key), "a box is wrong")?;
         }
@@ -298,6 +311,7 @@ impl TrackedState {
             visible: object.visible,
             views: tracked.views.clone(),
             fitted_views: tracked.fitted_views,
+            repeated: tracked.repeated,
             categories: tracked.categories.clone(),
             input_ids: tracked.input_ids.clone(),
             presence: tracked.presence,
@@ -328,6 +342,7 @@ impl TrackedState {
         Tracked {
             views: self.views,
             fitted_views: self.fitted_views,
+            repeated: self.repeated,
             categories: self.categories,
             input_ids: self.input_ids,
             presence: self.presence,
@@ -349,7 +364,7 @@ impl MapState {
         for view in self.slots.iter().flatten().flat_map(|t| &t.views) {
             *held.entry(view.keyframe).or_default() += 1;
         }
-        for frame in &self.recent {
+        for frame in self.recent.iter().chain(self.windows.all()) {
             *held.entry(frame.key).or_default() += 1;
         }
         let references: BTreeMap<u32, u32> = self.keyframes.iter().map(|(key, k)| (*key, k.references)).collect();

@@ -40,6 +40,8 @@ pub(super) struct Tracked {
     pub views: Vec<KeptView>,
     /// Number of views at the last fit, including forgotten ones.
     pub fitted_views: usize,
+    /// Number of detections that repeat a view from the same place.
+    pub repeated: u32,
     /// Number of its detections in each category, by index.
     pub categories: Vec<(u16, u32)>,
     /// Input ids of its detections, with counts.
@@ -70,6 +72,7 @@ impl Tracked {
             object,
             views: Vec::new(),
             fitted_views: 0,
+            repeated: 0,
             categories: Vec::new(),
             input_ids: Vec::new(),
             presence: Presence::Tentative,
@@ -89,6 +92,12 @@ impl Tracked {
             None => self.categories.push((view.category, 1)),
         }
         self.count_id(input_id, 1);
+    }
+
+    /// Counts a detection that adds no view.
+    pub(super) fn repeat(&mut self, view: &KeptView, input_id: Option<u32>) {
+        self.repeated = self.repeated.saturating_add(1);
+        self.count(view, input_id);
     }
 
     /// Adds to the count of an id.

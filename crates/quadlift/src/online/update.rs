@@ -1,5 +1,7 @@
 //! What changed in an object map.
 
+use crate::diagnosis::Diagnosis;
+
 /// Id of an object of a map: 1, 2, ... in order of appearance. Ids are never reused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -14,6 +16,7 @@ impl std::fmt::Display for ObjectId {
 
 /// A detection of an earlier frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DetectionRef {
     /// Id of the frame.
     pub frame: String,
@@ -83,6 +86,11 @@ pub enum Event {
     Disagrees {
         /// Number of expected objects.
         expected: usize,
+    },
+    /// Poses, cameras and boxes of the last frames contradict each other, and so does a tenth of all frames.
+    Inconsistent {
+        /// What explains it.
+        diagnosis: Box<Diagnosis>,
     },
 }
 

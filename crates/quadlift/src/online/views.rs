@@ -5,7 +5,7 @@ use nalgebra::{Vector2, Vector3};
 use super::kept_cues::KeptCues;
 use super::kept_shape::KeptShape;
 use super::keyframes::Keyframes;
-use super::update::ObjectId;
+use super::update::{DetectionRef, ObjectId};
 use crate::association::input::observations::{BoxObservation, Camera, log_odds_against};
 
 /// A kept detection. A map has dozens per object, so it is small: edges have single precision, 1e-4 px.
@@ -92,6 +92,9 @@ pub(super) struct RecentFrame {
     pub key: u32,
     pub time: f64,
     pub boxes: Vec<RecentBox>,
+    /// Number of frames from the same place after it.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub repeats: u32,
 }
 
 /// A box with its object.
@@ -102,6 +105,9 @@ pub(super) struct RecentBox {
     /// Input id of the detection.
     pub input_id: Option<u32>,
     pub owner: Option<ObjectId>,
+    /// The same box in frames from the same place.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
+    pub copies: Vec<DetectionRef>,
 }
 
 /// Four flags as bits.

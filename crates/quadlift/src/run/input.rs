@@ -2,7 +2,7 @@
 
 use std::convert::Infallible;
 
-use crate::diagnosis::{Cause, Correction};
+use crate::diagnosis::{Cause, Correction, Diagnosis};
 use crate::localize::LocalizeOptions;
 use crate::observer::Observer;
 use crate::scene::Scene;
@@ -19,6 +19,11 @@ pub trait Input {
 
     /// The scene, to give its detections the objects that association finds.
     fn scene_mut(&mut self) -> &mut Scene;
+
+    /// What was found wrong with the scene before, with more frames and boxes than it has; consistent if nothing was.
+    fn known(&self) -> Diagnosis {
+        Diagnosis::default()
+    }
 
     /// The scene after corrections, one after the other, on trial; `None` if they cannot be applied.
     fn corrected(&self, corrections: &[Correction]) -> Option<Scene>;

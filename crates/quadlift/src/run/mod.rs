@@ -81,7 +81,8 @@ fn nothing_to_localize(detections: usize, without_object: usize) -> String {
 /// [`Check`].
 pub fn run<I: Input>(input: &mut I, options: &RunOptions, observer: &dyn Observer) -> Result<Run, RunError<I::Error>> {
     let source = options.localize.source.as_deref();
-    let (check, association) = match options.ids_for(input.scene()) {
+    let known = input.known();
+    let (mut check, association) = match options.ids_for(input.scene()) {
         None => (Check::of(input, source, options.fix).map_err(RunError::Input)?, None),
         Some(ids) => {
             let (check, found) = identify(input, &options.of_association(ids), options.fix, observer)?;
@@ -90,6 +91,9 @@ pub fn run<I: Input>(input: &mut I, options: &RunOptions, observer: &dyn Observe
             (check, Some(found))
         }
     };
+    if check.diagnosis.consistent && !known.consistent {
+        check.diagnosis = known.clone();
+    }
     input.measure(&options.localize, observer).map_err(RunError::Input)?;
     observer.begins(Phase::Objects);
     let localization = solve_consistent(input.scene(), &options.localize, observer)?;
@@ -98,7 +102,9 @@ pub fn run<I: Input>(input: &mut I, options: &RunOptions, observer: &dyn Observe
         let detections = input.scene().detections.len();
         return Err(RunError::NothingToLocalize { detections, without_object: skipped });
     }
-    Ok(concluded(check, association, localization, &options.localize))
+    // Refined poses agree with the boxes that are left in the scene, which say nothing then.
+    let may_agree = association.is_none() && known.consistent;
+    Ok(concluded(check, association, localization, (&options.localize, may_agree)))
 }
 
 /// The first two steps: checks and associates the detections of an input, and checks again. The input's scene has its detections
@@ -134,18 +140,18 @@ pub fn identify<I: Input>(
     Err(RunError::NothingFound { outcome: found.outcome, skipped: found.skipped, check: Box::new(check) })
 }
 
-/// The last step.
+/// The last step; `may_agree`: refined poses may settle an inconsistency.
 fn concluded(
     mut check: Check,
     association: Option<Association>,
     mut localization: Localization,
-    options: &LocalizeOptions,
+    (options, may_agree): (&LocalizeOptions, bool),
 ) -> Run {
     if association.is_some() {
         // The association lists them.
         localization.skipped.without_object = 0;
     }
-    check.conclude(&mut localization, association.is_none(), options.accept_inconsistent);
+    check.conclude(&mut localization, may_agree, options.accept_inconsistent);
     Run { check, association, localization }
 }
 
@@ -168,5 +174,5 @@ pub fn localize_observed(
     observer: &dyn Observer,
 ) -> Result<Localization, LocalizeError> {
     let localization = solve_consistent(scene, options, observer)?;
-    Ok(concluded(Check::default(), None, localization, options).localization)
+    Ok(concluded(Check::default(), None, localization, (options, true)).localization)
 }

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use quadlift::online::ObjectMap;
+use quadlift::run::{Check, Input};
 use quadlift_io::run::{FileInput, FileOptions};
 use quadlift_io::scene_file::Detail;
 use quadlift_io::stream::{StreamState, StreamedScene, write_state_file};
@@ -50,11 +51,26 @@ impl MapFiles<'_> {
     }
 
     /// Writes map, state and report at the end; `settled` is the settled map.
-    pub(super) fn write_at_end(&self, stream: &StreamState, settled: &ObjectMap, out: &Output) -> anyhow::Result<()> {
-        if self.map.is_some() || self.report.is_some() {
-            self.write_map(settled, &stream.scene, self.report, out)?;
-        }
-        self.write_state(stream)
+    ///
+    /// Returns the consistency check of the objects, or that of their boxes if nothing is written.
+    pub(super) fn write_at_end(
+        &self,
+        stream: &StreamState,
+        settled: &ObjectMap,
+        out: &Output,
+    ) -> anyhow::Result<Check> {
+        let check = match self.map.is_some() || self.report.is_some() {
+            true => self.write_map(settled, &stream.scene, self.report, out)?,
+            false => {
+                let mut input = FileInput::of_map(&stream.scene, settled, self.input)?;
+                match input.known() {
+                    known if !known.consistent => Check { diagnosis: known, ..Check::default() },
+                    _ => Check::of(&mut input, None, false)?,
+                }
+            }
+        };
+        self.write_state(stream)?;
+        Ok(check)
     }
 
     fn write_state(&self, stream: &StreamState) -> anyhow::Result<()> {
@@ -70,7 +86,7 @@ impl MapFiles<'_> {
         streamed: &StreamedScene,
         report: Option<&Path>,
         out: &Output,
-    ) -> anyhow::Result<()> {
+    ) -> anyhow::Result<Check> {
         let input = FileInput::of_map(streamed, map, self.input)?;
         // No bar: the stream goes on.
         let mut run = run_scene("map", input, self.options, &Output { quiet: true, ..*out })?;
@@ -86,6 +102,6 @@ impl MapFiles<'_> {
         if let (Some(path), Some(result), Some(images)) = (report, &result, &images) {
             write_localized(path, (&run.input.path, &run.input.file), images, run.input.scene(), result)?;
         }
-        Ok(())
+        Ok(run.run.check)
     }
 }

@@ -4,6 +4,7 @@ use std::io::IsTerminal;
 
 use anyhow::bail;
 use quadlift::online::{ObjectMap, OnlineOptions};
+use quadlift::run::Check;
 use quadlift::solve::PoseNoise;
 use quadlift_io::priors::check_meters;
 use quadlift_io::run::PriorSource;
@@ -283,8 +284,9 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Settles the map, prints what that has changed, and writes the files; returns what has come out, in one line.
-    pub(super) fn end(&mut self, files: &MapFiles) -> (String, anyhow::Result<()>) {
+    /// Settles the map, prints what that has changed, and writes the files; returns what has come out, in one line, and the
+    /// consistency check.
+    pub(super) fn end(&mut self, files: &MapFiles) -> (String, anyhow::Result<Check>) {
         let mut settled = self.stream.map.clone();
         let update = settled.settle();
         if let Some(mut live) = self.live.take() {

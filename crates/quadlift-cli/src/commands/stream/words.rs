@@ -47,6 +47,7 @@ fn event_in_words(event: &EventRecord, name: &dyn Fn(&str) -> String) -> String 
         EventRecord::Disagrees { expected } => {
             format!("the frame disagrees with the map: none of {} is detected", count(*expected, "expected object"))
         }
+        EventRecord::Inconsistent { message, .. } => format!("the scene is inconsistent: {message}"),
         EventRecord::Other => "another event".to_owned(),
         EventRecord::Error { message, .. } => format!("error: {message}"),
     }

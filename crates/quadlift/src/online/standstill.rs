@@ -1,0 +1,231 @@
+//! Frames from one place: a camera that waits sees the same view again, which is one view however often it is seen.
+//!
+//! Copies have no parallax: an object of two boxes from one place could be anywhere on its ray, and its evidence would grow with every
+//! copy. A frame from the place of a recent one therefore adds nothing but means: its boxes are averaged into the views from there. Boxes
+//! of no object are collected, and get the object that is found once the camera moves.
+
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+use super::MAX_DETECTIONS;
+use super::current::Current;
+use super::input::Frame;
+use super::keyframes::Keyframe;
+use super::map::ObjectMap;
+use super::matching::Matched;
+use super::update::{DetectionRef, FrameUpdate};
+use super::views::{KeptView, RecentBox, RecentFrame, to_bits};
+use crate::association::input::observations::Camera;
+
+/// Two frames are from one place if nothing moves by more than this between their images, pixels: less than a shift of a frame that
+/// is worth to be subtracted twice (a convention).
+const MAX_MOTION_PX: f64 = 0.5;
+
+/// The same where nothing is known about distances: relative to the distance from the origin, rounding alone.
+const MAX_ROUNDING: f64 = 1e-9;
+
+/// Overlap of boxes of one thing from one place: half, as usual (edges with errors of 10 % of the half size overlap by .75).
+const MIN_OVERLAP: f64 = 0.5;
+
+/// A box of a place is of a thing if it is there in this share of the frames from there; a false one is not (a convention).
+const MIN_SEEN: f64 = 1.0 / 3.0;
+
+/// Detections that are remembered for a box, at most.
+const MAX_COPIES: usize = 5000;
+
+/// Boxes of a place, at most: false ones come with every frame.
+const MAX_BOXES: usize = 2000;
+
+impl RecentFrame {
+    /// Whether a box may be one of a new object: it has none, and it is there in enough frames from the place.
+    pub(super) fn is_free(&self, index: usize) -> bool {
+        let found = &self.boxes[index];
+        found.owner.is_none()
+            && (found.copies.len() + 1) as f64 >= MIN_SEEN * f64::from(self.repeats.min(MAX_COPIES as u32))
+    }
+}
+
+impl RecentBox {
+    /// Remembers a detection of the same thing from the same place.
+    fn remember(&mut self, detection: DetectionRef) {
+        if self.copies.len() < MAX_COPIES {
+            self.copies.push(detection);
+        }
+    }
+}
+
+impl ObjectMap {
+    /// The key of a recent frame from the place of a new one.
+    pub(super) fn same_place(&self, frame: &Frame) -> Option<u32> {
+        let [width, height] = self.running.extent;
+        let new = Keyframe::new(frame.clone(), &self.origin, Vector2::new(width, height)).camera;
+        let distance = |slot: u32| self.slot(slot).map(|tracked| (tracked.object.center - new.center).norm());
+        let nearest = self.visibility.near(&new.center).into_iter().filter_map(distance).reduce(f64::min);
+        let tolerance = match nearest {
+            Some(distance) => MAX_MOTION_PX * distance / new.focal.max(1e-9),
+            None => MAX_ROUNDING * (1.0 + new.center.norm()),
+        };
+        let is_there = |recent: &&RecentFrame| {
+            self.keyframes.camera(recent.key).is_some_and(|known| {
+                (known.center - new.center).norm() <= tolerance && turn_px(known, &new) <= MAX_MOTION_PX
+            })
+        };
+        self.recent.iter().rev().find(is_there).map(|recent| recent.key)
+    }
+
+    /// Takes the boxes of a frame from the place of a recent one.
+    pub(super) fn repeat(&mut self, place: u32, current: &mut Current, matched: &Matched, update: &mut FrameUpdate) {
+        let Some(index) = self.recent.iter().position(|recent| recent.key == place) else { return };
+        self.recent[index].repeats = self.recent[index].repeats.saturating_add(1);
+        let mut taken = Vec::with_capacity(matched.pairs.len());
+        // What was seen there before tells more than a body, which may still be uncertain.
+        for (slot, box_index, hidden) in self.seen_before(index, current) {
+            let view = KeptView { hidden, ..current.views[box_index as usize].clone() };
+            if let Some(id) = self.slot(slot).map(|tracked| tracked.id) {
+                update.objects[usize::from(view.detection)] = Some(id);
+                taken.push((slot, box_index));
+                self.repeat_view(slot, index, current, box_index, view);
+            }
+        }
+        for &(slot, box_index, ratio) in &matched.pairs {
+            let is_taken = taken.iter().any(|&(known, other)| known == slot || other == box_index);
+            // An object that was seen there is not somewhere else.
+            if is_taken || self.slot(slot).is_some_and(|tracked| tracked.is_seen_in(place)) {
+                continue;
+            }
+            let view = &mut current.views[box_index as usize];
+            view.hidden = to_bits(ratio.hidden);
+            let view = view.clone();
+            if let Some(id) = self.slot(slot).map(|tracked| tracked.id) {
+                update.objects[usize::from(view.detection)] = Some(id);
+                taken.push((slot, box_index));
+                self.repeat_view(slot, index, current, box_index, view);
+            }
+        }
+        for box_index in 0..current.views.len() as u32 {
+            if taken.iter().any(|(_, other)| *other == box_index) {
+                continue;
+            }
+            self.repeat_loose(index, current, box_index);
+        }
+        self.after_matching(current, matched, &taken, update);
+    }
+
+    /// A box of an object: averaged into the view from there, or the view from there.
+    fn repeat_view(&mut self, slot: u32, recent: usize, current: &Current, index: u32, view: KeptView) {
+        let place = self.recent[recent].key;
+        let input_id = current.input_ids[index as usize];
+        let Some(tracked) = self.slot(slot) else { return };
+        let known = tracked.views.iter().position(|known| known.keyframe == place);
+        if let Some(known) = known {
+            let mut standing = tracked.views[known].clone();
+            if let (Some(own), Some(others)) = (self.keyframes.camera(place), self.keyframes.get(current.key)) {
+                standing.absorb(own, &view, others, &tracked.object, &self.running.statistics);
+            }
+            // Another object may take them, if this one turns out to be none.
+            let (detection, copy) = (standing.detection, self.detection_of(&view));
+            let of_view = self.recent[recent].boxes.iter_mut().find(|found| found.view.detection == detection);
+            if let Some((found, copy)) = of_view.zip(copy) {
+                found.remember(copy);
+            }
+            if let Some(tracked) = self.slot_mut(slot) {
+                tracked.views[known] = standing;
+                tracked.repeat(&view, input_id);
+                tracked.last_time = current.time;
+            }
+            if let Some(id) = input_id {
+                self.tally.count(id, slot, 1);
+            }
+        } else if let (copy, Some(view)) = (self.detection_of(&view), self.view_from(recent, view)) {
+            let owner = self.add_late(slot, view.clone(), input_id);
+            self.recent[recent].boxes.push(RecentBox { view, input_id, owner, copies: copy.into_iter().collect() });
+            if let Some(tracked) = self.slot_mut(slot) {
+                tracked.last_time = current.time;
+            }
+            self.forget_views(slot);
+        }
+    }
+
+    /// The objects of boxes that overlap one from there, the best overlaps first: slots, boxes, and which edges were hidden.
+    fn seen_before(&self, recent: usize, current: &Current) -> Vec<(u32, u32, u8)> {
+        let mut pairs = Vec::new();
+        for (place, known) in self.recent[recent].boxes.iter().enumerate() {
+            let slot = known.owner.and_then(|id| self.slot_of_id.get(&self.resolve(id)).copied());
+            let Some(slot) = slot else { continue };
+            for (index, view) in current.views.iter().enumerate().filter(|(_, v)| v.category == known.view.category) {
+                let shared = overlap(&known.view.edges, &view.edges);
+                if shared >= MIN_OVERLAP {
+                    pairs.push((shared, place, index as u32, slot, known.view.hidden));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        let mut found: Vec<(u32, u32, u8)> = Vec::new();
+        for (_, _, index, slot, hidden) in pairs {
+            if !found.iter().any(|&(known, other, _)| known == slot || other == index) {
+                found.push((slot, index, hidden));
+            }
+        }
+        found
+    }
+
+    /// A box without an object: a copy of one from there, or another one.
+    fn repeat_loose(&mut self, recent: usize, current: &Current, index: u32) {
+        let view = &current.views[index as usize];
+        let Some(detection) = self.detection_of(view) else { return };
+        let overlap = |known: &RecentBox| {
+            let is_same = known.view.category == view.category;
+            if is_same { overlap(&known.view.edges, &view.edges) } else { 0.0 }
+        };
+        let boxes = &self.recent[recent].boxes;
+        let best = (0..boxes.len()).max_by(|&a, &b| overlap(&boxes[a]).total_cmp(&overlap(&boxes[b])).then(b.cmp(&a)));
+        if let Some(best) = best.filter(|&best| overlap(&boxes[best]) >= MIN_OVERLAP) {
+            let known = &mut self.recent[recent].boxes[best];
+            known.remember(detection);
+        } else if let Some(view) = self.view_from(recent, view.clone()) {
+            let input_id = current.input_ids[index as usize];
+            self.recent[recent].boxes.push(RecentBox { view, input_id, owner: None, copies: vec![detection] });
+        }
+    }
+
+    /// A box as one of the frame that was first at its place, with a number that no detection has.
+    fn view_from(&self, recent: usize, view: KeptView) -> Option<KeptView> {
+        let frame = &self.recent[recent];
+        let last = frame.boxes.iter().map(|known| usize::from(known.view.detection)).max().unwrap_or_default();
+        let detection = u16::try_from((last + 1).max(MAX_DETECTIONS)).ok().filter(|_| frame.boxes.len() < MAX_BOXES)?;
+        Some(KeptView { keyframe: frame.key, detection, ..view })
+    }
+
+    /// The detections of a view: its own, and those from the same place.
+    pub(super) fn detections_of(&self, view: &KeptView) -> Vec<DetectionRef> {
+        let own = self.detection_of(view).filter(|_| usize::from(view.detection) < MAX_DETECTIONS);
+        let place = self.recent.partition_point(|frame| frame.key < view.keyframe);
+        let frame = self.recent.get(place).filter(|frame| frame.key == view.keyframe);
+        let known = frame.and_then(|frame| frame.boxes.iter().find(|b| b.view.detection == view.detection));
+        own.into_iter().chain(known.map_or_else(Vec::new, |known| known.copies.clone())).collect()
+    }
+}
+
+/// By how many pixels corners of the image move between two cameras in one place.
+fn turn_px(a: &Camera, b: &Camera) -> f64 {
+    let part = |camera: &Camera| -> Matrix3<f64> { camera.matrix.fixed_columns::<3>(0).into_owned() };
+    let Some(back) = part(a).try_inverse() else { return f64::INFINITY };
+    let map = part(b) * back;
+    let corners = [[0.0, 0.0], [a.size.x, 0.0], [0.0, a.size.y], [a.size.x, a.size.y]];
+    let moved = corners.map(|[x, y]| {
+        let to = map * Vector3::new(x, y, 1.0);
+        if to.z > 0.0 { Vector2::new(to.x / to.z - x, to.y / to.z - y).norm() } else { f64::INFINITY }
+    });
+    moved.into_iter().fold(0.0, f64::max)
+}
+
+/// Intersection over union of two boxes.
+fn overlap(a: &[f32; 4], b: &[f32; 4]) -> f64 {
+    let [a, b] = [a, b].map(|edges| edges.map(f64::from));
+    let area = |[x0, y0, x1, y1]: [f64; 4]| (x1 - x0).max(0.0) * (y1 - y0).max(0.0);
+    let both = area([a[0].max(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].min(b[3])]);
+    both / (area(a) + area(b) - both)
+}
+
+#[cfg(test)]
+#[path = "standstill_tests.rs"]
+mod tests;

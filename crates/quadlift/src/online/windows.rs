@@ -1,0 +1,30 @@
+//! The frames that the consistency check of a map looks at, and what it has found.
+
+use super::views::RecentFrame;
+
+/// The windows of a map.
+#[derive(Debug, Clone, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
+pub(super) struct Windows {
+    /// The frames before the recent ones since the last check.
+    pub(super) frames: Vec<RecentFrame>,
+    /// The last frames that were inconsistent.
+    pub(super) suspect: Vec<RecentFrame>,
+    /// Whether the map was checked for the first time.
+    pub(super) is_begun: bool,
+    /// Number of windows that could be checked, and of those that are inconsistent for a known and for an unknown cause.
+    pub(super) checked: u32,
+    pub(super) explained: u32,
+    pub(super) unexplained: u32,
+    /// Number of full windows since one took long to check.
+    pub(super) since_slow: Option<u32>,
+    /// Whether the map is inconsistent; `None` if nothing could be checked so far.
+    pub(super) consistent: Option<bool>,
+}
+
+impl Windows {
+    /// All frames that it holds.
+    pub(super) fn all(&self) -> impl Iterator<Item = &RecentFrame> {
+        self.frames.iter().chain(&self.suspect)
+    }
+}
