@@ -47,7 +47,7 @@ const MAX_CORRELATION_RESIDUAL: f64 = 4.0;
 
 /// The likelihood of a residual of a group with heavy tails.
 #[inline]
-fn student_t() -> StudentT {
+pub(crate) fn student_t() -> StudentT {
     StudentT::new(STUDENT_T_DOF.get())
 }
 
@@ -180,14 +180,13 @@ impl Objective<'_> {
             .collect()
     }
 
-    /// Twice the negative log likelihood of each view's residuals at a body, up to constants, and their number.
-    pub(crate) fn costs_and_residuals(&self, body: &impl BodyModel) -> Vec<(f64, usize)> {
+    /// The squares of each view's whitened residuals at a body.
+    pub(crate) fn squares_of_views(&self, body: &impl BodyModel) -> Vec<Vec<f64>> {
         let mut rows = Vec::with_capacity(16);
         (0..self.measurements.views.len())
             .map(|view| {
                 view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
-                let (edges, others) = self.view_cost(&rows);
-                (edges + others, rows.len())
+                rows.iter().map(|row| row.residual * row.residual).collect()
             })
             .collect()
     }

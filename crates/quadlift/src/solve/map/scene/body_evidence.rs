@@ -20,7 +20,7 @@ use crate::solve::map::object::covariance::{log_determinant_of, regularized};
 use crate::solve::map::object::first_fit::{ALL, best_of, descended};
 use crate::solve::map::object::fit::Fit;
 use crate::solve::map::object::model::Model;
-use crate::solve::map::object::objective::Objective;
+use crate::solve::map::object::objective::{Objective, student_t};
 use crate::solve::map::object::problem::ObjectProblem;
 use crate::solve::map::object::starts::{along_each_axis, oriented_starts, turned_axes};
 use crate::solve::options::BodyKind;
@@ -77,8 +77,8 @@ const SMALLEST_VARIANCE: f64 = 1e-8;
 /// How the views of an object agree with the best body of a kind.
 #[derive(Debug, Clone)]
 pub(crate) struct KindFit {
-    /// For each view twice the negative log likelihood of its residuals, and their number.
-    pub(crate) views: Vec<(f64, usize)>,
+    /// For each view the squares of its whitened residuals.
+    pub(crate) views: Vec<Vec<f64>>,
     /// What the freedom of the body and the priors do: the logarithm of the determinant of the normal equations and the
     /// cost of the priors.
     pub(crate) freedom: f64,
@@ -88,8 +88,8 @@ pub(crate) struct KindFit {
 
 #[cfg(test)]
 impl KindFit {
-    /// Views that agree so well with a body of unit size.
-    pub(crate) fn of_views(views: Vec<(f64, usize)>, freedom: f64) -> Self {
+    /// Views of these squared residuals of a body of unit size.
+    pub(crate) fn of_views(views: Vec<Vec<f64>>, freedom: f64) -> Self {
         let body =
             Model::Ellipsoid(EllipsoidModel::from_axes(Vector3::zeros(), Matrix3::identity(), Vector3::repeat(1.0)));
         Self { views, freedom, cost: 0.0, body }
@@ -106,6 +106,8 @@ pub(crate) struct BodyEvidence {
     pub(crate) sized: bool,
     /// Logarithm of the density of an edge of a wrong box, over that of an edge of the object at its most probable place.
     pub(crate) log_wrong: f64,
+    /// Whether single edges may be wrong.
+    pub(crate) heavy_tails: bool,
     /// The fit of each kind; `None` where it failed.
     pub(crate) fits: [Option<KindFit>; KINDS],
 }
@@ -125,7 +127,8 @@ impl BodyEvidence {
         let log_wrong = log_wrong_edge(noise);
         let sized = fit.problem.prior.log_size.is_some();
         let fits = std::array::from_fn(|_| None);
-        let mut evidence = Self { category: views.category_index, sized, log_wrong, fits };
+        let heavy_tails = context.options.heavy_tails;
+        let mut evidence = Self { category: views.category_index, sized, log_wrong, heavy_tails, fits };
         let round = search.starts(Form::Exponent(2.0)).into_iter().take(1).collect();
         evidence.take(ELLIPSOID, &search, round, 1);
         evidence.fits[ELLIPSOID].as_ref()?;
@@ -166,7 +169,7 @@ impl BodyEvidence {
         if kind == CYLINDER {
             freedom += LOG_AXES_OF_CYLINDER + elongation(&body, &equations);
         }
-        let views = objective.costs_and_residuals(&body);
+        let views = objective.squares_of_views(&body);
         self.fits[kind] = Some(KindFit { views, freedom, cost: equations.cost, body });
     }
 
@@ -196,37 +199,47 @@ impl BodyEvidence {
     /// Of the views, where residuals have this variance, with the parameters of the body integrated out.
     fn log_likelihood(&self, fit: &KindFit, variance: f64) -> f64 {
         let of_views = fit.views.iter().map(|view| {
-            let [right, wrong] = self.log_densities(*view, variance);
+            let [right, wrong] = self.log_densities(view, variance);
             right.max(wrong) + (-(right - wrong).abs()).exp().ln_1p()
         });
         of_views.sum::<f64>() + 0.5 * PARAMETERS as f64 * variance.ln()
     }
 
     /// Logarithms of the densities of a view that shows the object and of one that does not, each with its probability.
-    fn log_densities(&self, (cost, residuals): (f64, usize), variance: f64) -> [f64; 2] {
-        let residuals = residuals as f64;
-        let right = (1.0 - WRONG_SHARE).ln() - 0.5 * (residuals * variance.ln() + cost / variance);
-        [right, WRONG_SHARE.ln() + residuals * self.log_wrong]
+    fn log_densities(&self, squares: &[f64], variance: f64) -> [f64; 2] {
+        let count = squares.len() as f64;
+        let cost = if self.heavy_tails {
+            squares.iter().map(|square| student_t().cost_of_one(square / variance)).sum()
+        } else {
+            squares.iter().sum::<f64>() / variance
+        };
+        let right = (1.0 - WRONG_SHARE).ln() - 0.5 * (count * variance.ln() + cost);
+        [right, WRONG_SHARE.ln() + count * self.log_wrong]
     }
 
     /// The variance of the residuals of the views that show the object, for a kind, and their degrees of freedom.
     fn variance_of(&self, fit: &KindFit) -> (f64, f64) {
         let (mut variance, mut dof) = (1.0, 0.0);
         for _ in 0..VARIANCE_ROUNDS {
-            let (mut cost, mut residuals) = (0.0, 0.0);
-            for view in &fit.views {
-                let [right, wrong] = self.log_densities(*view, variance);
+            let (mut sum, mut residuals) = (0.0, 0.0);
+            for squares in &fit.views {
+                let [right, wrong] = self.log_densities(squares, variance);
                 let shows = 1.0 / (1.0 + (wrong - right).exp());
-                cost += shows * view.0;
-                residuals += shows * view.1 as f64;
+                sum += shows * squares.iter().map(|square| self.weight(square / variance) * square).sum::<f64>();
+                residuals += shows * squares.len() as f64;
             }
             dof = (residuals - PARAMETERS as f64).max(0.0);
             if dof < 1.0 {
                 break;
             }
-            variance = (cost / dof).max(SMALLEST_VARIANCE);
+            variance = (sum / dof).max(SMALLEST_VARIANCE);
         }
         (variance, dof)
+    }
+
+    /// The weight of a residual, squared, over the variance.
+    fn weight(&self, squared: f64) -> f64 {
+        if self.heavy_tails { student_t().weight(squared) } else { 1.0 }
     }
 
     /// The kind with the largest evidence by itself, with the variance of its residuals and their degrees of freedom.

@@ -7,10 +7,10 @@ use crate::synthetic::SyntheticOptions;
 
 /// An object seen in views of these costs as an ellipsoid and as a cuboid.
 fn seen(ellipsoid: &[f64], cuboid: &[f64]) -> BodyEvidence {
-    let fit = |costs: &[f64]| Some(KindFit::of_views(costs.iter().map(|cost| (*cost, 4)).collect(), 10.0));
+    let fit = |costs: &[f64]| Some(KindFit::of_views(costs.iter().map(|cost| vec![cost / 4.0; 4]).collect(), 10.0));
     let mut fits = std::array::from_fn(|_| None);
     (fits[ELLIPSOID], fits[CUBOID]) = (fit(ellipsoid), fit(cuboid));
-    BodyEvidence { category: None, sized: false, log_wrong: -4.0, fits }
+    BodyEvidence { category: None, sized: false, log_wrong: -4.0, heavy_tails: false, fits }
 }
 
 /// A kind that gives up views that another one explains is the less probable one, however well it fits the rest.
@@ -37,6 +37,26 @@ fn the_noise_of_an_object_is_that_of_the_views_that_show_it() {
     let evidence = seen(&costs, &costs);
     let (_, variance, dof) = evidence.best();
     assert!((dof - (36.0 - 9.0)).abs() < 1e-6 && (variance - 18.0 / 27.0).abs() < 1e-6, "{variance} {dof}");
+}
+
+/// Wrong boxes are none of an object with twenty times the noise: with Student's t distribution of single edges, whose scale is that of
+/// the noise, the kind that fits the others better is as much more probable as without them.
+#[test]
+fn wrong_boxes_beside_right_ones_take_nothing_from_the_evidence() {
+    let views = |variance: f64, wrong: usize| {
+        // Squares of a normal distribution at its quantiles, of four edges in turn; and edges that are 25 noises off.
+        let right = (0..14).map(|k| (0..4).map(|e| variance * [0.1, 0.45, 1.0, 2.5][(k + e) % 4]).collect());
+        right.chain((0..wrong).map(|_| vec![625.0; 4])).collect::<Vec<Vec<f64>>>()
+    };
+    let odds = |wrong: usize| {
+        let mut evidence = seen(&[], &[]);
+        (evidence.heavy_tails, evidence.log_wrong) = (true, -5.0);
+        evidence.fits[ELLIPSOID] = Some(KindFit::of_views(views(1.5, wrong), 10.0));
+        evidence.fits[CUBOID] = Some(KindFit::of_views(views(1.0, wrong), 10.0));
+        evidence.log_odds(1.0)[CUBOID]
+    };
+    let (without, with) = (odds(0), odds(6));
+    assert!(without > 5.0 && (with / without - 1.0).abs() < 0.02, "{without} {with}");
 }
 
 /// Without wrong boxes the integral has a closed form: `-(N - 9 + 8) / 2 ln(C + 8 v)` of `N` residuals.
@@ -127,7 +147,7 @@ fn the_freedom_is_that_of_the_normal_equations_and_the_priors() {
                 expected += 2.0 * f64::ln(3.0) - 2.0 * (density(0.1) / density(2.0_f64.sqrt() * 0.4)).ln();
             }
             assert!((found.freedom - expected).abs() < 0.01, "{kind}: {} {expected}", found.freedom);
-            let costs: f64 = found.views.iter().map(|(cost, _)| cost).sum();
+            let costs: f64 = found.views.iter().flatten().map(|square| 10.0 * (square / 9.0).ln_1p()).sum();
             assert!((costs + shape + height * height - equations.cost).abs() < 1e-6 * equations.cost, "{kind}");
         }
         // Of the boxes of a cylinder it is the best.

@@ -23,6 +23,8 @@ const OTHERS: f64 = 0.01;
 const WEIGHT_OF_PRIOR: f64 = 1.0;
 
 /// Kinds that are at least this share as probable as the most probable one count as equally probable: the roundest of them is taken.
+/// With 1 (`quadlift-bench kinds`) IoU is .002 larger on average, but of exact objects in three views, some of them with a false box, 6
+/// instead of 4 % are inconsistent.
 const AS_PROBABLE: f64 = 0.5;
 
 /// Rounds in which shares and probabilities are adjusted to each other.
@@ -183,11 +185,11 @@ mod tests {
 
     /// An object of a category with these costs of an ellipsoid and a cuboid, all else equal.
     fn object(category: usize, ellipsoid: f64, cuboid: f64) -> BodyEvidence {
-        let fit = |cost: f64| Some(KindFit::of_views(vec![(cost / 10.0, 4); 10], 10.0));
+        let fit = |cost: f64| Some(KindFit::of_views(vec![vec![cost / 40.0; 4]; 10], 10.0));
         let mut fits = std::array::from_fn(|_| None);
         fits[ELLIPSOID] = fit(ellipsoid);
         fits[CUBOID] = fit(cuboid);
-        BodyEvidence { category: Some(category), sized: false, log_wrong: -3.0, fits }
+        BodyEvidence { category: Some(category), sized: false, log_wrong: -3.0, heavy_tails: false, fits }
     }
 
     fn body_kinds(told: &[BodyEvidence]) -> Vec<BodyKind> {
