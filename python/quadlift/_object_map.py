@@ -639,9 +639,9 @@ class ObjectMap:
     def consistent(self) -> bool | None:
         """Whether poses, cameras and boxes are consistent; None if nothing could be checked so far.
 
-        The last frames are checked from time to time (after 30 frames, then every 40) and by `settle`. When they turn out
-        to be inconsistent, there is an ``"inconsistent"`` event and an `InconsistentSceneWarning` with the cause; no
-        object of `localize` is ``"ok"`` then.
+        The last frames are checked from time to time (after 30 frames, then every 40) and by `settle`. When they turn
+        out to be inconsistent, there is an ``"inconsistent"`` event and an `InconsistentSceneWarning` with the cause;
+        no object of `localize` is ``"ok"`` then.
         """
         return self._core.consistent
 

@@ -23,9 +23,9 @@ class Program:
         self.path = Path(os.environ.get("QUADLIFT", ROOT / "target/debug/quadlift"))
         assert self.path.is_file(), f"{self.path}: build the program first, or name it with QUADLIFT"
 
-    def __call__(self, *arguments: str | Path) -> str:
+    def __call__(self, *arguments: str | Path, code: int = 0) -> str:
         done = subprocess.run([self.path, *arguments], capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
+        assert done.returncode == code, done.stderr
         return done.stdout
 
     def json(self, *arguments: str | Path) -> dict[str, Any]:

@@ -21,7 +21,7 @@ mod cause;
 mod hypotheses;
 mod rays;
 mod sample;
-mod misses;
+pub(crate) mod misses;
 mod search;
 mod some_frames;
 mod trajectory;

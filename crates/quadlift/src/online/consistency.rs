@@ -9,6 +9,7 @@ use super::tracked::Tracked;
 use super::update::{Event, FrameUpdate, ObjectId};
 use super::views::{KeptView, RecentBox, RecentFrame};
 use crate::association::{AssociateOptions, AssociatedObject, Association, IdUse, Outcome};
+use crate::diagnosis::misses::AGREES;
 use crate::diagnosis::{Cause, CauseName, Diagnosis, diagnose_association, is_convincing};
 use crate::geometry::BoundingBox;
 use crate::run::diagnose_source;
@@ -106,7 +107,10 @@ impl ObjectMap {
         let explained = windows.explained.saturating_add(u32::from(!found.consistent && !is_unexplained));
         let unexplained = windows.unexplained.saturating_add(u32::from(is_unexplained));
         let share = |wrong: u32| f64::from(wrong) / f64::from(checked);
-        let consistent = share(explained) < MAX_EXPLAINED && share(explained.saturating_add(unexplained)) <= MAX_WRONG;
+        let wrong = explained.saturating_add(unexplained);
+        // Boxes that agree all the same: in a single window poses may drift.
+        let drifts = wrong == 1 && is_unexplained && found.agreement.is_some_and(|agreement| agreement.miss < AGREES);
+        let consistent = share(explained) < MAX_EXPLAINED && (share(wrong) <= MAX_WRONG || drifts);
         if !is_part {
             (windows.checked, windows.explained, windows.unexplained) = (checked, explained, unexplained);
         }
