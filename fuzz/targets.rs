@@ -111,6 +111,7 @@ pub(crate) struct Example {
 
 impl Example {
     /// The example as the input of the target [`formats`].
+    #[allow(dead_code, reason = "the tests write the seeds, the targets read them")]
     pub(crate) fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = format!("{}\n", self.words.join(" ")).into_bytes();
         for (path, content) in &self.files {
