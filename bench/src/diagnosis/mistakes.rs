@@ -38,6 +38,7 @@ pub(super) fn all() -> Vec<NamedMistake> {
         Correction::NormalizedBoxes,
         Correction::Letterbox(640.0),
         Correction::Letterbox(1024.0),
+        Correction::NormalizedLetterbox,
         Correction::ReversedFrames,
     ]);
     all.extend(quaternion_orders);

@@ -312,10 +312,10 @@ pub fn mistake_in_words(name: CauseName, parameter: Option<f64>, correction: Opt
         CauseName::ImageSize => {
             format!("the boxes were measured at another image size: multiply their coordinates by {}", value(3))
         }
-        CauseName::Letterbox => {
-            let side = parameter.map_or(0.0, usual_width);
-            format!("the boxes were measured in a letterboxed image of {side} x {side} pixels")
-        }
+        CauseName::Letterbox => match parameter.map(usual_width) {
+            Some(side) => format!("the boxes were measured in a letterboxed image of {side} x {side} pixels"),
+            None => "the boxes are fractions of a letterboxed square image, not of the camera's".to_owned(),
+        },
         CauseName::NormalizedBoxes => {
             "the boxes are normalized (fractions of image width and height), not in pixels".to_owned()
         }
@@ -429,6 +429,7 @@ mod tests {
             (Correction::OpenGlAxes, "OpenGL axes"),
             (Correction::ImageScale(2.0), "image size"),
             (Correction::Letterbox(640.0), "letterboxed image of 640 x 640"),
+            (Correction::NormalizedLetterbox, "fractions of a letterboxed square image"),
             (Correction::FocalFactor(0.5), "focal length is wrong: it should be 0.500 times"),
             (Correction::FrameOffset(-2), "frame order is off by 2 frames"),
             (Correction::NumericFrames, "frame order"),

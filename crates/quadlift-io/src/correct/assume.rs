@@ -116,8 +116,13 @@ pub const KEYS: [Key; 12] = [
     Key {
         name: "letterbox",
         value: "WxH",
-        meaning: "size of the letterboxed images in which the boxes were measured, such as 640x640 or 640x384",
-        read: |text| Ok(Some(letterbox(image_size(text)?))),
+        meaning: "size of the letterboxed images in which the boxes were measured, such as 640x640 or 640x384; normalized for fractions of a square one",
+        read: |text| {
+            Ok(Some(match text {
+                NORMALIZED => RecordCorrection::Known(Correction::NormalizedLetterbox),
+                _ => letterbox(image_size(text).map_err(|error| format!("{error}, or {NORMALIZED}"))?),
+            }))
+        },
     },
     Key {
         name: "image_size",
@@ -286,6 +291,7 @@ pub fn option_of(correction: &Correction, image_size: Option<[f64; 2]>, frame_of
             _ => ("box_scale", short(factor)),
         },
         Correction::Letterbox(side) => ("letterbox", format!("{0}x{0}", usual_width(side))),
+        Correction::NormalizedLetterbox => ("letterbox", NORMALIZED.to_owned()),
         Correction::TurnedPictures { orientation, fractions } => {
             ("orientation", format!("{orientation}{}", if fractions { OF_FRACTIONS } else { "" }))
         }
@@ -362,6 +368,7 @@ mod tests {
         assert_eq!(option_of(&Correction::ImageScale(2.0), None, 0), "--assume box_scale=2");
         assert_eq!(option(Correction::Letterbox(638.1)), "letterbox=640x640");
         assert_eq!(option(Correction::Letterbox(600.0)), "letterbox=600x600");
+        assert_eq!(option(Correction::NormalizedLetterbox), "letterbox=normalized");
         assert_eq!(option(Correction::FrameOffset(2)), "frame_offset=-2");
         assert_eq!(option_of(&Correction::FrameOffset(-1), None, 1), "--assume frame_offset=2");
         assert_eq!(option(Correction::FocalFactor(0.49993)), "focal=0.4999");
@@ -383,7 +390,7 @@ mod tests {
         assert_eq!(error("focal=0"), "expected a number above 0");
         assert_eq!(error("box_scale=-1"), "expected a number above 0, or normalized");
         assert_eq!(error("distortion=nan"), "expected a finite number");
-        assert_eq!(error("letterbox=640"), "expected WIDTHxHEIGHT, such as 640x480");
+        assert_eq!(error("letterbox=640"), "expected WIDTHxHEIGHT, such as 640x480, or normalized");
         assert_eq!(error("frame_offset=0.5"), "expected a whole number");
         assert_eq!(error("boxes=xywh,poses=opengl,boxes=xywh"), "boxes is given twice");
     }

@@ -73,6 +73,7 @@ fn apply(file: &mut SceneFile, correction: &Correction) -> Result<String, EntryE
         }
         Correction::ImageScale(_)
         | Correction::Letterbox(_)
+        | Correction::NormalizedLetterbox
         | Correction::NormalizedBoxes
         | Correction::TurnedPictures { .. }
         | Correction::Boxes(_) => {

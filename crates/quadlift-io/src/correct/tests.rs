@@ -132,6 +132,7 @@ fn corrections() -> Vec<Correction> {
         Correction::ImageScale(2.0),
         Correction::ImageScale(0.5),
         Correction::Letterbox(640.0),
+        Correction::NormalizedLetterbox,
         Correction::NormalizedBoxes,
         Correction::TurnedPictures { orientation: 6, fractions: false },
         Correction::TurnedPictures { orientation: 7, fractions: true },

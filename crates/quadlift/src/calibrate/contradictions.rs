@@ -2,9 +2,10 @@
 //! be below the floor.
 
 use super::adjust::{log_focal, uncertainty};
-use super::outcome::{median, memory};
+use super::outcome::memory;
 use super::solution::Solution;
 use super::{CalibratedCamera, Contradiction};
+use crate::optimize::median::median;
 
 /// A camera whose edges are off by more than this many times as much as those of the others does not see what they see.
 const MOST_NOISE_RATIO: f64 = 3.0;
@@ -31,7 +32,7 @@ pub(super) fn contradictions(solution: &Solution, answers: &[CalibratedCamera]) 
     let noise = |camera: usize| problem.edge_sd(camera).unwrap_or(0.0);
     let over_others = |camera: usize| {
         let others = cameras.iter().filter(|&&other| other != camera).map(|&other| noise(other));
-        noise(camera) / median(others.collect()).unwrap_or(f64::INFINITY)
+        noise(camera) / median(&mut others.collect::<Vec<f64>>()).unwrap_or(f64::INFINITY)
     };
     let worst = |value: &dyn Fn(usize) -> f64| cameras.iter().copied().max_by(|&a, &b| value(a).total_cmp(&value(b)));
     let Some(noisiest) = worst(&over_others) else { return Vec::new() };

@@ -1,5 +1,6 @@
 //! The answer: statuses, covariances, and the world in which it is given.
 
+use crate::optimize::median::median;
 use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Matrix6, Unit, Vector3};
@@ -101,11 +102,6 @@ fn seen(prepared: &Prepared, solution: &Solution) -> Vec<Seen> {
     all
 }
 
-pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
-}
-
 /// The world of the answer, from that of the solution: z upwards and the origin on the floor below the reference camera.
 fn turned_world(solution: &Solution, up: &Vector3<f64>, reference: &Pose) -> Pose {
     let viewing = reference.rotation.row(2).transpose();
@@ -120,7 +116,7 @@ fn turned_world(solution: &Solution, up: &Vector3<f64>, reference: &Pose) -> Pos
     let sign = solution.state.up.dot(up);
     let feet = shapes.filter(|(k, _)| walks(*k)).map(|(_, (shape, height))| sign * height - shape.log_height.exp());
     let center = reference.center();
-    let floor = median(feet.collect()).unwrap_or(up.dot(&center));
+    let floor = median(&mut feet.collect::<Vec<f64>>()).unwrap_or(up.dot(&center));
     let origin = horizontal(center) + up * floor;
     Pose { rotation, translation: -(rotation * origin) }
 }
@@ -257,14 +253,14 @@ pub(super) fn calibration(
             return answer;
         }
         let covariance = found.as_ref().and_then(|found| of_camera(found, &found.layout, index, inflation));
-        let depth = median(of_camera_seen.depths.clone()).unwrap_or(0.0);
+        let depth = median(&mut of_camera_seen.depths.clone()).unwrap_or(0.0);
         let determined = |c: &Matrix6<f64>| {
             largest(c, 0) < MOST_ROTATION_SD
                 && largest(c, 3) < MOST_POSITION_SD * depth
                 && c.iter().all(|x| x.is_finite())
         };
         answer.status = match &covariance {
-            _ if median(of_camera_seen.off.clone()).is_none_or(|off| off > MOST_OFF) => CameraStatus::Inconsistent,
+            _ if median(&mut of_camera_seen.off.clone()).is_none_or(|off| off > MOST_OFF) => CameraStatus::Inconsistent,
             _ if Some(index) == tree.reference => CameraStatus::Ok,
             _ if distinct(solution, index) < FEWEST_SHARED => CameraStatus::Undetermined,
             _ if ambiguous[index] => CameraStatus::Ambiguous,

@@ -73,6 +73,8 @@ pub enum Correction {
     ImageScale(f64),
     /// The boxes were measured in a letterboxed square image with this side, in pixels.
     Letterbox(f64),
+    /// The boxes were fractions of a letterboxed square image that were multiplied by the sides of the camera's.
+    NormalizedLetterbox,
     /// The boxes are in units of the image's width and height.
     NormalizedBoxes,
     /// The boxes were measured in pictures that were turned or mirrored against those of the cameras, as viewers turn them by
@@ -234,6 +236,11 @@ impl Correction {
             Self::NormalizedBoxes => PixelMap::scaling(image_size?, Vector2::zeros()),
             Self::TurnedPictures { orientation, fractions } => {
                 PixelMap::from_shown(orientation, image_size?, fractions)
+            }
+            Self::NormalizedLetterbox => {
+                let size = image_size?;
+                let side = Vector2::repeat(size.max());
+                PixelMap::scaling(side.component_div(&size), (size - side) * 0.5)
             }
             Self::Letterbox(side) => {
                 let size = image_size?;

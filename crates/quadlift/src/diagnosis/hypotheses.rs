@@ -20,6 +20,7 @@ pub(crate) fn discrete(frame_ids: &[&str]) -> Vec<Correction> {
         Correction::InvertBodyPoses,
         Correction::LeftHandedAxes,
         Correction::InvertLeftHandedPoses,
+        Correction::NormalizedLetterbox,
     ];
     for was_wxyz in [true, false] {
         for world_from_cam in [true, false] {
@@ -119,7 +120,7 @@ impl Correction {
             Self::CenteredPrincipalPoint => CauseName::PrincipalPoint,
             Self::RadialDistortion(_) => CauseName::MissingDistortion,
             Self::ImageScale(_) => CauseName::ImageSize,
-            Self::Letterbox(_) => CauseName::Letterbox,
+            Self::Letterbox(_) | Self::NormalizedLetterbox => CauseName::Letterbox,
             Self::NormalizedBoxes => CauseName::NormalizedBoxes,
             Self::TurnedPictures { .. } => CauseName::PictureOrientation,
             Self::Boxes(BoxFormat::SwappedAxes) => CauseName::SwappedXy,

@@ -3,9 +3,9 @@
 use super::cause::Cause;
 use super::correction::Correction;
 use super::misses::size;
-use super::rays::median;
 use super::sample::Sample;
 use super::verdict::Diagnosis;
+use crate::optimize::median::median;
 use crate::scene::{Detection, Scene};
 use crate::solve::CategoryPriors;
 

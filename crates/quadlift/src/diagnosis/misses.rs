@@ -4,9 +4,10 @@ use nalgebra::{Vector2, Vector3};
 
 use super::agreement::{Agreement, Improvement};
 use super::correction::Correction;
-use super::rays::{LARGEST_MISS, Ray, median, meeting_point, misses_of};
+use super::rays::{LARGEST_MISS, Ray, meeting_point, misses_of};
 use super::sample::{Sample, Seen};
 use crate::geometry::BoundingBox;
+use crate::optimize::median::median;
 
 /// Misses below this are as good as none: pixels are rounded, and a box's center is not quite the object's.
 const SMALLEST_MISS: f64 = 0.003;

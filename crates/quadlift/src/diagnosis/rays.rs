@@ -1,5 +1,6 @@
 //! Rays through the centers of boxes and the point nearest to those of an object (docs/method.md, section 16.1).
 
+use crate::optimize::median::median;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::camera::CameraParts;
@@ -168,10 +169,4 @@ fn best_of_pairs(rays: &[Ray], given: Vector3<f64>) -> Vector3<f64> {
 fn total_cost(rays: &[Ray], point: &Vector3<f64>) -> f64 {
     let bounded = |miss: f64| 1.0 - 1.0 / (1.0 + (miss / CONTESTED_MISS).powi(2));
     rays.iter().map(|ray| bounded(ray.miss(point))).sum()
-}
-
-/// The median, of an even number of values the larger one in the middle; changes their order. `None` without values.
-pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }

@@ -27,6 +27,7 @@ fn mistakes() -> Vec<Correction> {
         Correction::ImageScale(0.5),
         Correction::ImageScale(1.5),
         Correction::Letterbox(640.0),
+        Correction::NormalizedLetterbox,
         Correction::NormalizedBoxes,
         Correction::Boxes(BoxFormat::CornersReadAsSize),
         Correction::Boxes(BoxFormat::CenterReadAsCorner),
@@ -123,6 +124,7 @@ fn mistakes_are_named_without_ids() {
         Correction::NormalizedIntrinsics,
         Correction::ImageScale(1.6),
         Correction::Letterbox(640.0),
+        Correction::NormalizedLetterbox,
         Correction::NormalizedBoxes,
         Correction::FrameOffset(1),
     ];

@@ -6,9 +6,10 @@ use nalgebra::{Matrix4, Vector2, Vector3, Vector4};
 
 use super::agreement::Improvement;
 use super::misses::{Misses, corrected_ray, misses};
-use super::rays::{Ray, median, meeting_point};
+use super::rays::{Ray, meeting_point};
 use super::sample::{Sample, Seen};
 use crate::geometry::linalg::solve_spd;
+use crate::optimize::median::median;
 use crate::parallel::map_indices;
 
 /// Boxes of one object in frames of one pose that are farther apart than this many half sizes show that something moved.

@@ -4,6 +4,7 @@
 pub(crate) mod bits;
 pub(crate) mod chi_square;
 pub(crate) mod matching;
+pub(crate) mod median;
 pub(crate) mod normal_equations;
 pub(crate) mod levenberg_marquardt;
 pub(crate) mod student_t;

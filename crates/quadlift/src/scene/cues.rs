@@ -38,7 +38,8 @@ pub struct Box3dCue {
     pub source: Option<u32>,
 }
 
-/// Standard deviations of the errors of a 3D box; those that are not given have the usual level.
+/// Standard deviations of the errors of a 3D box; those that are not given have the usual level. Without given noise levels only their
+/// ratios count where residuals contradict them.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Box3dSd {
     /// Of the center along the ray, relative to its distance; usually 0.1.

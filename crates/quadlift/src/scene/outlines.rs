@@ -201,22 +201,37 @@ impl ImageOutline {
         box_around(&self.corners)
     }
 
-    /// Whether a point of the image lies inside or at most [`TOUCHING_PX`] away.
-    fn touches(&self, point: &Vector2<f64>) -> bool {
+    /// Where a point of the image lies.
+    fn place_of(&self, point: &Vector2<f64>) -> Place {
         let mut inside = false;
         for (k, b) in self.corners.iter().enumerate() {
             let a = &self.corners[(k + self.corners.len() - 1) % self.corners.len()];
             let (along, to_point) = (b - a, point - a);
             let place = (along.dot(&to_point) / along.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
             if (to_point - along * place).norm() <= TOUCHING_PX {
-                return true;
+                return Place::Edge;
             }
             if (a.y <= point.y) != (b.y <= point.y) {
                 inside ^= a.x + (point.y - a.y) / (b.y - a.y) * (b.x - a.x) > point.x;
             }
         }
-        inside
+        if inside { Place::Inside } else { Place::Outside }
     }
+
+    /// Whether one reaches into the other, beyond its edge: outlines of whole objects do, those of visible parts do not.
+    fn overlaps(&self, other: &Self) -> bool {
+        let reaches = |a: &Self, b: &Self| a.corners.iter().any(|corner| b.place_of(corner) == Place::Inside);
+        reaches(self, other) || reaches(other, self)
+    }
+}
+
+/// Where a point lies from an outline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    Outside,
+    /// At most [`TOUCHING_PX`] from its edge.
+    Edge,
+    Inside,
 }
 
 /// The box around points; `None` without an extent.
@@ -280,11 +295,12 @@ fn touch(outlines: &[ImageOutline]) -> Vec<(usize, Vec<bool>)> {
                 && point.y >= y0 - TOUCHING_PX
                 && point.x <= x1 + TOUCHING_PX
                 && point.y <= y1 + TOUCHING_PX
-        }) && outlines[index].touches(point)
+        }) && outlines[index].place_of(point) == Place::Edge
     };
     let of_outline = |(index, outline): (usize, &ImageOutline)| {
         let lines = outline.support_lines()?;
-        let others = |point: &Vector2<f64>| (0..outlines.len()).any(|other| other != index && near(other, point));
+        let hides = |other: usize| other != index && !outline.overlaps(&outlines[other]);
+        let others = |point: &Vector2<f64>| (0..outlines.len()).any(|other| near(other, point) && hides(other));
         let hidden = |line: SupportLine| {
             let mut on_line = outline.points.iter().zip(&outline.corners);
             on_line.any(|((p, _), corner)| line.normal.dot(p) == line.reach && others(corner))
@@ -390,10 +406,9 @@ mod tests {
         // The corner at (41, 30) touches the square.
         assert_eq!(flags(&scene, 1, |end| end.hidden), [4, 5, 6]);
         assert!(flags(&scene, 2, |end| end.hidden).is_empty() && flags(&scene, 3, |end| end.hidden).is_empty());
-        // An outline inside of another one is hidden everywhere.
+        // Those that overlap are of whole objects.
         let inside = self::scene(&[("a", &[[0.0, 5.0], [90.0, 5.0], [90.0, 75.0], [5.0, 75.0]]), ("a", &SQUARE)]);
-        assert_eq!(flags(&inside, 1, |end| end.hidden).len(), 8);
-        assert!(flags(&inside, 0, |end| end.hidden).is_empty());
+        assert!(flags(&inside, 1, |end| end.hidden).is_empty() && flags(&inside, 0, |end| end.hidden).is_empty());
     }
 
     #[test]

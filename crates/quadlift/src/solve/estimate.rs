@@ -70,8 +70,6 @@ pub enum Warning {
         /// Logarithm of the odds of the most probable other body against the reported one.
         log_odds: f64,
     },
-    /// The covariance could not be computed.
-    NoCovariance,
     /// The optimization stopped before reaching the best fit ([`super::Method::Map`] only).
     NotConverged,
     /// The longest extent is implausible for its category ([`crate::LocalizeOptions::plausible_sizes`]).
@@ -110,7 +108,6 @@ impl std::fmt::Display for Warning {
                  alternatives",
                 100.0 / (1.0 + (-log_odds).exp())
             ),
-            Self::NoCovariance => write!(f, "the covariance could not be computed"),
             Self::NotConverged => {
                 write!(f, "not converged: the optimization stopped before reaching the best fit")
             }

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use quadlift::metrics::iou3d_ellipsoids;
-use quadlift::scene::{Cues, DepthCue, Detection, Scene};
+use quadlift::scene::{Box3dSd, Cues, DepthCue, Detection, Scene, SceneParts};
 use quadlift::solve::{BodyKind, MapOptions, ScaledQuantity, Sigmas, Status, Warning};
 use quadlift::synthetic::{
     Box3dNoise, CueOptions, DepthNoise, Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate,
@@ -159,6 +159,46 @@ fn with_given_levels_objects_are_independent() {
     let among = all.estimates.iter().find(|estimate| estimate.object_index == 7).unwrap();
     assert_eq!(alone.body, among.body);
     assert_eq!(alone.covariance, among.covariance);
+}
+
+/// Only the ratios of standard deviations count that are far from the errors, such as those of a source that is too sure of itself.
+#[test]
+fn a_factor_of_all_standard_deviations_changes_nothing() {
+    let made = made(3);
+    let scene = with_cues(&made, Some(DepthNoise::default()), Some(Box3dNoise::default()));
+    let scaled = |factor: f64| {
+        let mut scene = scene.clone();
+        let sd = |index: usize, usual: f64| Some(factor * usual * if index.is_multiple_of(2) { 1.5 } else { 0.5 });
+        let edit = |parts: &mut SceneParts| {
+            for (index, detection) in parts.detections.iter_mut().enumerate() {
+                let Some(cues) = &mut detection.cues else { continue };
+                if let Some(depth) = &mut cues.depth {
+                    depth.sd = sd(index, 0.1 * depth.median);
+                }
+                if let Some(box3d) = &mut cues.box3d {
+                    let (distance, direction) = (sd(index, 0.1), sd(index, 0.02));
+                    box3d.sd = Box3dSd { distance, direction, size: sd(index, 0.1), rotation: sd(index, 0.15) };
+                }
+            }
+        };
+        scene.edit(edit).unwrap();
+        localize(&scene, &options()).unwrap()
+    };
+    let unsure = scaled(1e4);
+    for factor in [1e-9, 1e-5, 1e6] {
+        let found = scaled(factor);
+        for (a, b) in unsure.estimates.iter().zip(&found.estimates) {
+            let (Some(a), Some(b)) = (a.ellipsoid(), b.ellipsoid()) else { panic!("{:?} {:?}", a.status, b.status) };
+            let off = (a.center - b.center).norm() + (a.semi_axes - b.semi_axes).norm();
+            assert!(off < 1e-6, "{factor}: {off}");
+        }
+        // Levels are multiples of what is given.
+        for group in ["depth", "box3d_distance", "box3d_size"] {
+            let level = |found: &Localization| found.noise.get(group).unwrap();
+            let ratio = 1e-4 * factor * level(&found) / level(&unsure);
+            assert!((ratio - 1.0).abs() < 1e-6, "{factor} {group}: {ratio}");
+        }
+    }
 }
 
 #[test]

@@ -8,6 +8,7 @@ use super::groups::{CORRELATIONS, GROUPS, NoiseGroup};
 use super::object_spread::Spread;
 use super::statistics::NoiseStatistics;
 use super::usual_level::most_probable;
+use crate::optimize::median::median;
 use crate::solve::sigmas::{COMMON_NAMES, CORRELATION_NAMES, SPREAD_NAMES, Sigmas};
 use crate::tuning::CORRELATED_FROM;
 use crate::tuning::HIDDEN_RATIO;
@@ -77,6 +78,10 @@ pub(crate) struct CovarianceLevels {
 pub(crate) struct NoiseLevels {
     /// A standard deviation for each group.
     sd: [f64; GROUPS],
+    /// Median [weight](crate::solve::map::residuals::cues::weights) of the measurements of each group: 1 where no standard
+    /// deviations are given. A measurement of that weight has, a priori, the usual level or the given standard deviation: those that
+    /// residuals contradict count by their ratios only.
+    typical_weights: [f64; GROUPS],
     /// Correlation of an error with that in the object's next view, in [0, 1): of edges, of ellipses, of
     /// cues.
     correlation: [f64; CORRELATIONS],
@@ -90,7 +95,22 @@ pub(crate) struct NoiseLevels {
 impl NoiseLevels {
     /// The levels before anything is known.
     pub(crate) fn new(pixel_size: f64) -> Self {
-        Self { sd: DEFAULTS, correlation: [0.0; CORRELATIONS], covariance: CovarianceLevels::default(), pixel_size }
+        Self {
+            sd: DEFAULTS,
+            typical_weights: [1.0; GROUPS],
+            correlation: [0.0; CORRELATIONS],
+            covariance: CovarianceLevels::default(),
+            pixel_size,
+        }
+    }
+
+    /// The levels before anything is known, for measurements with these weights: the typical one is their median.
+    pub(crate) fn of_weights(pixel_size: f64, weights: impl Iterator<Item = (NoiseGroup, f64)>) -> Self {
+        let mut of_group: [Vec<f64>; GROUPS] = Default::default();
+        weights.for_each(|(group, weight)| of_group[group as usize].push(weight));
+        let typical_weights = of_group.map(|mut weights| median(&mut weights).unwrap_or(1.0));
+        let sd = std::array::from_fn(|g| DEFAULTS[g] * typical_weights[g]);
+        Self { sd, typical_weights, ..Self::new(pixel_size) }
     }
 
     /// Given levels. Hidden edges default to twice the noise of other edges; other groups have their default.
@@ -110,7 +130,7 @@ impl NoiseLevels {
                 variance: sigmas.get(SPREAD_NAMES[1]).unwrap_or(0.0),
             },
         };
-        Self { sd, correlation, covariance, pixel_size }
+        Self { sd, correlation, covariance, ..Self::new(pixel_size) }
     }
 
     /// Terms that affect only covariances.
@@ -160,7 +180,8 @@ impl NoiseLevels {
         let told = |group: NoiseGroup| {
             let g = group as usize;
             let dof = statistics.dof[g].max(0.0);
-            let level = if dof > 0.0 { self.sd[g] * (statistics.squares[g] / dof).sqrt() } else { DEFAULTS[g] };
+            let level = self.sd[g] / self.typical_weights[g];
+            let level = if dof > 0.0 { level * (statistics.squares[g] / dof).sqrt() } else { DEFAULTS[g] };
             (level.max(NOISE_FLOOR.get()), dof)
         };
         // Correlated neighboring views carry less information.
@@ -174,7 +195,8 @@ impl NoiseLevels {
         };
         let mut sd = NoiseGroup::ALL.map(|group| {
             let (level, dof) = told(group);
-            most_probable(level, dof, counted(&[group]), DEFAULTS[group as usize])
+            let (usual, weight) = (DEFAULTS[group as usize], self.typical_weights[group as usize]);
+            weight * most_probable(level, dof, counted(&[group]), [usual, usual / weight])
         });
         // What hidden and other edges tell of the level goes together, once it is known how much noisier hidden ones are.
         let ((level, dof), (of_hidden, of_hidden_freedom)) = (told(NoiseGroup::Edge), told(NoiseGroup::HiddenEdge));
@@ -188,7 +210,7 @@ impl NoiseLevels {
         if all > 0.0 {
             let squares = dof * level * level + of_hidden_freedom * (of_hidden / ratio).powi(2);
             let counted = counted(&[NoiseGroup::Edge, NoiseGroup::HiddenEdge]);
-            let edge = most_probable((squares / all).sqrt(), all, counted, DEFAULTS[NoiseGroup::Edge as usize]);
+            let edge = most_probable((squares / all).sqrt(), all, counted, [DEFAULTS[NoiseGroup::Edge as usize]; 2]);
             sd[NoiseGroup::Edge as usize] = edge.max(NOISE_FLOOR.get());
             sd[NoiseGroup::HiddenEdge as usize] = (ratio * edge).max(NOISE_FLOOR.get());
         }

@@ -1,5 +1,6 @@
 //! Where cues say that an object is: the frame of objects that boxes alone do not locate, and starts.
 
+use crate::optimize::median::median;
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::body_model::BodyModel;
@@ -40,7 +41,7 @@ fn outlines(views: &[View]) -> Vec<(Projection, Ellipse)> {
 fn median_center(views: &[View], axes: &Matrix3<f64>) -> Option<Point3<f64>> {
     let centers: Vec<Vector3<f64>> =
         views.iter().filter_map(center_of).map(|center| axes.tr_mul(&center.coords)).collect();
-    let middle = |k: usize| median(centers.iter().map(|center| center[k]));
+    let middle = |k: usize| median(&mut centers.iter().map(|center| center[k]).collect::<Vec<f64>>());
     Some(Point3::from(axes * Vector3::new(middle(0)?, middle(1)?, middle(2)?)))
 }
 
@@ -54,14 +55,8 @@ pub(crate) fn frame_from_cues(views: &[View]) -> Option<ObjectFrame> {
 
 /// The median of the mean half extents of 3D boxes.
 fn median_size(views: &[View]) -> Option<f64> {
-    median(views.iter().filter_map(|view| Some(view.cues.box3d?.half_extents?.product().cbrt())))
-}
-
-/// The middle number, the larger one of two; `None` without numbers.
-fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied()
+    let sizes = views.iter().filter_map(|view| Some(view.cues.box3d?.half_extents?.product().cbrt()));
+    median(&mut sizes.collect::<Vec<f64>>())
 }
 
 /// The frame of an object from the size of its category: at the depth that the height of its tallest box suggests.

@@ -453,6 +453,9 @@ impl Fit {
         if !self.equations.cost.is_finite() || views.views.iter().all(behind) || !is_a_body(&body, &views.views) {
             return Estimate { status: Status::Diverged, ..blank };
         }
+        let Some(covariance) = self.covariance(noise, shared, context) else {
+            return Estimate { status: Status::Degenerate, ..blank };
+        };
         let costs = self.view_costs(noise);
         let limit = self.largest_cost(reference);
         let inlier = |view: usize| costs[view] <= limit;
@@ -460,10 +463,7 @@ impl Fit {
         for (view, deviations) in estimate.views.iter_mut().zip(self.view_deviations(noise)) {
             view.deviations = deviations.map(|x| x / reference.factor());
         }
-        estimate.covariance = self.covariance(noise, shared, context);
-        if estimate.covariance.is_none() {
-            estimate.warnings.push(Warning::NoCovariance);
-        }
+        estimate.covariance = Some(covariance);
         if !self.converged {
             estimate.warnings.push(Warning::NotConverged);
         }

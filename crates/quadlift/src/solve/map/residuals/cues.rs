@@ -10,7 +10,7 @@ use crate::geometry::Body;
 use crate::geometry::rotation::horizontal_basis;
 use crate::geometry::visible_surface::visible_depth;
 use crate::optimize::normal_equations::Row;
-use crate::scene::{Box3dCue, DepthCue, View};
+use crate::scene::{Box3dCue, Box3dSd, Cues, DepthCue, View};
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::map::noise::groups::NoiseGroup;
 use crate::solve::map::noise::levels::{NoiseLevels, usual_level};
@@ -76,6 +76,26 @@ struct MeasuredCenter {
 /// 1 / sd of an error, relative to the usual level of its kind.
 fn weight(sd: Option<f64>, group: NoiseGroup) -> f64 {
     sd.map_or(1.0, |sd| usual_level(group) / sd)
+}
+
+/// [`weight`] of a depth.
+fn weight_of_depth(depth: &DepthCue) -> f64 {
+    weight(depth.sd.map(|sd| sd / depth.median), NoiseGroup::Depth)
+}
+
+/// [`weight`] of each kind of error of these cues. Where they are all scaled by one factor, only the noise levels change.
+pub(crate) fn weights(cues: Cues) -> impl Iterator<Item = (NoiseGroup, f64)> {
+    let depth = cues.depth.map(|depth| (NoiseGroup::Depth, weight_of_depth(&depth)));
+    let of_box = cues.box3d.map(|Box3dCue { sd: Box3dSd { distance, direction, size, rotation }, .. }| {
+        [
+            (NoiseGroup::BoxDistance, distance),
+            (NoiseGroup::BoxDirection, direction),
+            (NoiseGroup::BoxSize, size),
+            (NoiseGroup::BoxRotation, rotation),
+        ]
+        .map(|(group, sd)| (group, weight(sd, group)))
+    });
+    depth.into_iter().chain(of_box.into_iter().flatten())
 }
 
 impl MeasuredCue {
@@ -173,7 +193,7 @@ impl MeasuredDepth {
             cosine: axis.dot(&ray),
             log_depth: (depth.median / frame.unit).ln(),
             shift: view.depth_shift / frame.unit,
-            weight: weight(depth.sd.map(|sd| sd / depth.median), NoiseGroup::Depth),
+            weight: weight_of_depth(depth),
             perspective: 0.0,
         })
     }

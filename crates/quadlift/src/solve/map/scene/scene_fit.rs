@@ -23,6 +23,7 @@ use crate::solve::map::object::fit::Fit;
 use crate::solve::map::object::model::Model;
 use crate::solve::map::object::objective::OUTLIER_SCALE;
 use crate::solve::map::object::problem::ObjectProblem;
+use crate::solve::map::residuals::cues::weights;
 use crate::solve::map::shared::SharedErrors;
 use crate::solve::map::shared::cue_scales::{CueScales, Ratios};
 use crate::solve::map::shared::ground::GroundPlane;
@@ -119,7 +120,11 @@ impl SceneFit {
         if let Some(sigmas) = &context.options.sigmas {
             return Self::settled(body_kinds, views_of, NoiseLevels::given(sigmas, pixel_size), none, context);
         }
-        let default = NoiseLevels::new(pixel_size);
+        let cues = || (0..body_kinds.len()).flat_map(|k| views_of(k).views).flat_map(|view| weights(view.cues));
+        let default = match context.has_cues {
+            true => NoiseLevels::of_weights(pixel_size, cues()),
+            false => NoiseLevels::new(pixel_size),
+        };
         let scales = Self::first_scales(body_kinds, views_of, default, context).unwrap_or(none);
         let scene = Self::settled(body_kinds, views_of, default, scales.clone(), context);
         if scene.statistics.determined() > WELL_DETERMINED {

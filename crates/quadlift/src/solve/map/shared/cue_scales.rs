@@ -5,6 +5,7 @@
 //! frame. A step of Gauss and Newton eliminates the objects (Schur complement), so
 //! that what boxes tell of an object counts as much as it is certain.
 
+use crate::optimize::median::median;
 use std::collections::BTreeMap;
 
 use nalgebra::SVector;
@@ -114,19 +115,18 @@ impl CueScales {
     /// The medians of logarithms of measured over predicted lengths, of constants with enough of them: a start that a wrong
     /// unit does not mislead. Sources with enough depths have a shift, which starts at 0.
     pub(crate) fn of_medians(Ratios { logs, depths }: Ratios) -> Self {
-        let median = |mut all: Vec<f64>| {
+        let of_many = |mut all: Vec<f64>| {
             all.retain(|x| x.is_finite());
-            all.sort_by(f64::total_cmp);
-            if all.len() < ENOUGH_FOR_MEDIAN { None } else { Some(all[all.len() / 2]) }
+            if all.len() < ENOUGH_FOR_MEDIAN { None } else { median(&mut all) }
         };
-        let medians: BTreeMap<_, _> = logs.into_iter().map(|(constant, all)| (constant, median(all))).collect();
+        let medians: BTreeMap<_, _> = logs.into_iter().map(|(constant, all)| (constant, of_many(all))).collect();
         let start = |(constant, median): (&Constant, &Option<f64>)| {
             let of_all = constant.of_all().and_then(|all| *medians.get(&all)?).unwrap_or(0.0);
             (*constant, median.map_or(0.0, |median| median - of_all))
         };
         Self {
             values: medians.iter().map(start).collect(),
-            references: depths.into_iter().filter_map(|(source, all)| Some((source, median(all)?))).collect(),
+            references: depths.into_iter().filter_map(|(source, all)| Some((source, of_many(all)?))).collect(),
             covariance: ScaleCovariance::default(),
         }
     }

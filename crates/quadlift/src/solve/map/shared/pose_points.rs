@@ -1,6 +1,7 @@
 //! What points of structure from motion tell about the poses: each is three unknowns more, eliminated as objects are (docs/method.md,
 //! section 11.2).
 
+use crate::optimize::median::median;
 use std::collections::BTreeMap;
 
 use nalgebra::{Matrix2x3, Matrix3, Point3, SMatrix, Vector2, Vector3};
@@ -180,7 +181,7 @@ impl PosePoints {
             // Points without a place are the worst ones.
             let mut errors: Vec<f64> = seen.iter().map(|seen| seen.length).collect();
             errors.resize(errors.len().max(self.observations()), f64::INFINITY);
-            fitted.median = median(errors);
+            fitted.median = median(&mut errors).unwrap_or_default();
         }
         fitted
     }
@@ -218,27 +219,21 @@ impl PosePoints {
             let of = |seen: &PointObservation| cameras.get(&seen.frame_index)?.residual(&track.given, seen);
             track.seen.iter().map(|seen| of(seen).map_or(f64::INFINITY, |r| r.norm())).collect::<Vec<f64>>()
         };
-        median(self.tracks.iter().flat_map(of_track).collect())
+        median(&mut self.tracks.iter().flat_map(of_track).collect::<Vec<f64>>()).unwrap_or_default()
     }
 
     /// Median distance of the points from the cameras that see them.
     pub(super) fn usual_distance(&self) -> f64 {
         let center = |frame: u32| self.projections[frame as usize].center_in_world();
         let first = |track: &Track| Some((track.start? - center(track.seen.first()?.frame_index)?).norm());
-        median(self.tracks.iter().filter_map(first).collect())
+        median(&mut self.tracks.iter().filter_map(first).collect::<Vec<f64>>()).unwrap_or_default()
     }
 
     /// Median focal length of the frames that see the points, pixels.
     pub(super) fn usual_focal_length(&self) -> f64 {
         let focal = |track: &Track| Some(self.projections[track.seen.first()?.frame_index as usize].focal_length());
-        median(self.tracks.iter().filter_map(focal).collect())
+        median(&mut self.tracks.iter().filter_map(focal).collect::<Vec<f64>>()).unwrap_or_default()
     }
-}
-
-/// The middle one; 0 of none.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or_default()
 }
 
 /// Where the observations of a track say that the point is, under this noise level (infinite: all count alike); `None` where it does not

@@ -236,7 +236,7 @@ fn covariances_of_poses_are_honest() {
             let error = Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z);
             error.dot(&refined.covariance.unwrap().cholesky().unwrap().solve(&error))
         };
-        medians.push(median(poses.refined().iter().map(squared).collect()));
+        medians.push(median(&mut poses.refined().iter().map(squared).collect::<Vec<f64>>()).unwrap());
     }
     // 5.35 is honest; 7.3 is found, with a standard error of .6, because frames of a drive have slow errors in common (medians vary from 3 to
     // 12). With tracks of 3 to 10 frames it is 5.0.
