@@ -9,7 +9,10 @@ use crate::geometry::rigid::Pose;
 use crate::geometry::rotation::{between, nearest_rotation, nearest_turn};
 use crate::optimize::bits::ones;
 
-/// Hypotheses that are examined at most; of more, evenly spread ones are.
+/// Groups of candidates whose support is counted at most; of more, that of evenly spread ones.
+const MOST_GROUPS: usize = 200_000;
+
+/// Hypotheses that are examined at most: those with the most support.
 const MOST_HYPOTHESES: usize = 16_000;
 
 /// Comparisons of boxes with landmarks for all hypotheses, about, which bounds the time in large maps; a round is examined in any case.
@@ -46,11 +49,15 @@ impl Groups {
         let comparisons = query.alike.iter().map(Vec::len).sum::<usize>().max(1);
         let most = (MOST_COMPARISONS / comparisons).clamp(HYPOTHESES_OF_ROUND, MOST_HYPOTHESES);
         let graph = Compatible::new(query);
-        let members = if query.gravity.is_some() { graph.pairs(most) } else { graph.triples(most) };
-        Self { all: graph.all && members.len() < most, members }
+        let mut members = if query.gravity.is_some() { graph.pairs() } else { graph.triples() };
+        let all = graph.all && members.len() < most.min(MOST_GROUPS);
+        members.sort_by_cached_key(|group| std::cmp::Reverse(graph.support(group)));
+        members.truncate(most);
+        let named = |group: Vec<usize>| group.into_iter().map(|place| graph.places[place]).collect();
+        Self { all, members: members.into_iter().map(named).collect() }
     }
 
-    /// Number of rounds; each one has its share of all kinds of groups.
+    /// Number of rounds; the first one has the groups with the most support.
     pub(super) fn rounds(&self) -> usize {
         self.members.len().div_ceil(HYPOTHESES_OF_ROUND)
     }
@@ -61,8 +68,8 @@ pub(super) fn starts(query: &PreparedQuery, groups: &Groups, round: usize) -> Ve
     let mut scored: Vec<(f64, Pose)> = groups
         .members
         .iter()
-        .skip(round)
-        .step_by(groups.rounds())
+        .skip(round * HYPOTHESES_OF_ROUND)
+        .take(HYPOTHESES_OF_ROUND)
         .filter_map(|group| {
             let members: Vec<&Candidate> = group.iter().map(|&k| &query.candidates[k]).collect();
             let matches: Vec<Match> = members.iter().map(|c| Match::new(query, c.query_box, c.landmark)).collect();
@@ -101,8 +108,10 @@ fn quick_score(query: &PreparedQuery, pose: &Pose) -> f64 {
 
 /// Which candidates can be true together, as rows of bits.
 struct Compatible {
-    /// Which candidate each row is.
+    /// Which candidate each row is; those of a box follow each other.
     places: Vec<usize>,
+    /// Number of the box of each row.
+    boxes: Vec<usize>,
     words: usize,
     bits: Vec<u64>,
     /// Whether all candidates are among them.
@@ -123,44 +132,61 @@ impl Compatible {
                 let [least, most] = distances(a, b);
                 if least <= distance && distance <= most {
                     bits[i * words + j / 64] |= 1 << (j % 64);
+                    bits[j * words + i / 64] |= 1 << (i % 64);
                 }
             }
         }
         let all = places.len() == query.candidates.len();
-        Self { places, words, bits, all }
+        let boxes = places.iter().map(|&k| query.candidates[k].query_box).collect();
+        Self { places, boxes, words, bits, all }
     }
 
-    /// The later candidates that go with one.
+    /// The candidates that go with one.
     fn row(&self, index: usize) -> &[u64] {
         &self.bits[index * self.words..(index + 1) * self.words]
     }
 
-    /// Pairs of candidates that go together, with what goes with both.
-    fn all_pairs(&self) -> impl Iterator<Item = (usize, usize)> {
-        (0..self.places.len()).flat_map(|i| ones(self.row(i).iter().copied()).map(move |j| (i, j)))
+    /// The candidates that go with all of these.
+    fn common<'a>(&'a self, group: &'a [usize]) -> impl Iterator<Item = u64> + 'a {
+        (0..self.words).map(move |word| group.iter().fold(u64::MAX, |all, &place| all & self.row(place)[word]))
     }
 
-    fn named(&self, places: &[usize]) -> Vec<usize> {
-        places.iter().map(|&place| self.places[place]).collect()
+    /// The later ones of them.
+    fn later<'a>(&'a self, group: &'a [usize]) -> impl Iterator<Item = usize> + 'a {
+        let last = group.iter().max().copied().unwrap_or(0);
+        ones(self.common(group)).skip_while(move |&place| place <= last)
     }
 
-    fn pairs(&self, most: usize) -> Vec<Vec<usize>> {
+    /// How many boxes have a candidate that goes with all of a group: of a true one nearly all, of others by chance.
+    fn support(&self, group: &[usize]) -> usize {
+        let mut last = None;
+        ones(self.common(group)).filter(|&place| last.replace(self.boxes[place]) != Some(self.boxes[place])).count()
+    }
+
+    fn all_pairs(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
+        (0..self.places.len()).flat_map(move |i| self.later_of_one(i).map(move |j| [i, j]))
+    }
+
+    fn later_of_one(&self, place: usize) -> impl Iterator<Item = usize> + '_ {
+        ones(self.row(place).iter().copied()).skip_while(move |&other| other <= place)
+    }
+
+    fn pairs(&self) -> Vec<Vec<usize>> {
         let count = self.all_pairs().count();
-        let chosen = self.all_pairs().enumerate().filter(|(k, _)| is_chosen(*k, count, most));
-        chosen.map(|(_, (i, j))| self.named(&[i, j])).collect()
+        let chosen = self.all_pairs().enumerate().filter(|(k, _)| is_chosen(*k, count, MOST_GROUPS));
+        chosen.map(|(_, pair)| pair.to_vec()).collect()
     }
 
-    fn triples(&self, most: usize) -> Vec<Vec<usize>> {
-        let common = |i: usize, j: usize| self.row(i).iter().zip(self.row(j)).map(|(a, b)| a & b);
-        let number = |i: usize, j: usize| common(i, j).map(|bits| bits.count_ones() as usize).sum::<usize>();
-        let count = self.all_pairs().map(|(i, j)| number(i, j)).sum();
+    fn triples(&self) -> Vec<Vec<usize>> {
+        let number = |pair: &[usize; 2]| self.later(pair).count();
+        let count = self.all_pairs().map(|pair| number(&pair)).sum();
         let mut before = 0;
         let mut chosen = Vec::new();
-        for (i, j) in self.all_pairs() {
-            let end = before + number(i, j);
-            if first_chosen(before, count, most) < end {
-                let of_pair = ones(common(i, j)).enumerate().filter(|(k, _)| is_chosen(before + k, count, most));
-                chosen.extend(of_pair.map(|(_, k)| self.named(&[i, j, k])));
+        for pair in self.all_pairs() {
+            let end = before + number(&pair);
+            if first_chosen(before, count, MOST_GROUPS) < end {
+                let of_pair = self.later(&pair).enumerate().filter(|(k, _)| is_chosen(before + k, count, MOST_GROUPS));
+                chosen.extend(of_pair.map(|(_, k)| vec![pair[0], pair[1], k]));
             }
             before = end;
         }
