@@ -1,4 +1,4 @@
-//! The kinds of bodies, one file each: what they do differently stands there, and only here is told apart which it is.
+//! The kinds of bodies, one file for each. No other file of the library matches all of them.
 
 mod mesh;
 mod shape;
