@@ -4,9 +4,10 @@
 
 use std::path::{Component, Path};
 
+use quadlift::geometry::BodyKind;
 use quadlift::online::{ObjectMap, OnlineOptions};
 use quadlift::run::{AssociateWhen, RunOptions};
-use quadlift::solve::{BodyKind, Method, Status};
+use quadlift::solve::{Method, Status};
 use quadlift::{LocalizeOptions, Unobserved};
 use quadlift_io::formats;
 use quadlift_io::mcap::{LiveFrames, LiveOptions, McapOptions, Next, parse_mcap};

@@ -9,9 +9,9 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion};
-use quadlift::geometry::{Ellipse, SupportLines, project_ellipsoid};
+use quadlift::geometry::{BodyKind, Ellipse, SupportLines, project_ellipsoid};
 use quadlift::scene::{Detection, Scene};
-use quadlift::solve::{BodyKind, MapOptions, PoseMotion};
+use quadlift::solve::{MapOptions, PoseMotion};
 use quadlift::synthetic::{
     Box3dNoise, CueOptions, DepthNoise, Noise, Observations, SyntheticOptions, Trajectory, generate, simulate_cues,
 };

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use quadlift::cross_validation::Extent;
+use quadlift::geometry::BodyKind;
 use quadlift::metrics::{TruthObject, evaluate};
 use quadlift::scene::{Scene, SceneError};
-use quadlift::solve::{BodyKind, MapOptions, Method};
+use quadlift::solve::{MapOptions, Method};
 use quadlift::{LocalizeOptions, localize};
 use quadlift_io::builtin_priors;
 use rayon::prelude::*;

@@ -55,7 +55,7 @@ impl TrueScene {
         let objects = content.to_objects().map_err(|error| error.in_file(path))?;
         let truth = objects
             .into_iter()
-            .map(|object| TruthObject { id: object.id, ellipsoid: object.ellipsoid, cuboid: object.cuboid })
+            .map(|object| TruthObject { ellipsoid: object.ellipsoid(), cuboid: object.cuboid(), id: object.id })
             .collect();
         Ok(Self { sequence: sequence.to_owned(), scene, truth })
     }

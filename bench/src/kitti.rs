@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use quadlift::solve::{BodyKind, MapOptions, PoseNoise};
+use quadlift::geometry::BodyKind;
+use quadlift::solve::{MapOptions, PoseNoise};
 use quadlift_io::builtin_priors;
 
 use crate::data::TrueScene;

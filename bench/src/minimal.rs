@@ -5,9 +5,10 @@ use std::path::Path;
 
 use nalgebra::{Unit, Vector3};
 use quadlift::LocalizeOptions;
+use quadlift::geometry::BodyKind;
 use quadlift::metrics::ObjectScore;
 use quadlift::scene::Detection;
-use quadlift::solve::{BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method};
+use quadlift::solve::{CategoryPrior, CategoryPriors, MapOptions, Method};
 use quadlift_io::builtin_priors;
 use rayon::prelude::*;
 

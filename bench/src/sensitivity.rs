@@ -5,7 +5,8 @@
 use std::path::Path;
 
 use quadlift::association::AssociateOptions;
-use quadlift::solve::{BodyKind, MapOptions};
+use quadlift::geometry::BodyKind;
+use quadlift::solve::MapOptions;
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions};
 use quadlift::{LocalizeOptions, tuning};
 use quadlift_io::builtin_priors;

@@ -1,10 +1,10 @@
 //! A scene that is divided into objects, and how well that was done.
 
 use quadlift::association::{AssociateOptions, Association, associate};
-use quadlift::geometry::Ellipsoid;
+use quadlift::geometry::{BodyKind, Ellipsoid};
 use quadlift::metrics::{DivisionScore, FoundScore, pairwise_clustering_scores, score_found};
 use quadlift::scene::{Scene, SceneError};
-use quadlift::solve::{BodyKind, MapOptions};
+use quadlift::solve::MapOptions;
 use quadlift::{Localization, LocalizeOptions, localize};
 
 use crate::error::Error;

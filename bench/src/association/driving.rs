@@ -61,7 +61,7 @@ fn case(data: &Path, sequence: &str) -> Result<Case, Error> {
     let path = boxes_path(data, sequence);
     let in_file = |error: EntryError| error.in_file(&path);
     let objects = file.to_objects().map_err(in_file)?;
-    let bodies = objects.iter().filter_map(|o| Some((o.id.as_str(), o.ellipsoid?)));
+    let bodies = objects.iter().filter_map(|o| Some((o.id.as_str(), o.ellipsoid()?)));
     let (ids, bodies): (Vec<&str>, Vec<_>) = bodies.unzip();
     let by_id: HashMap<&str, u32> = ids.into_iter().zip(0..).collect();
     let true_objects = shown.iter().map(|id| by_id.get(id.as_deref()?).copied()).collect();

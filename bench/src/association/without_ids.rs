@@ -66,7 +66,7 @@ impl Row {
         let in_file = |error: quadlift_io::EntryError| error.in_file(&path);
         let objects = content.to_objects().map_err(in_file)?;
         let bodies = objects.iter().filter_map(|o| {
-            let body = o.ellipsoid.or(o.cuboid.map(|cuboid| cuboid.inscribed_ellipsoid()))?;
+            let body = o.ellipsoid().or(o.cuboid().map(|cuboid| cuboid.inscribed()))?;
             Some((o.id.as_str(), body))
         });
         let (ids, bodies): (Vec<&str>, Vec<_>) = bodies.unzip();

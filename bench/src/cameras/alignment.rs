@@ -4,10 +4,10 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use quadlift::align::{AlignOptions, AlignStatus, CommonUp, MapObject, align};
-use quadlift::geometry::{Projection, Similarity};
+use quadlift::geometry::{BodyKind, Projection, Similarity};
 use quadlift::nalgebra::{Point3, Rotation3, Unit, Vector3};
 use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, MapOptions};
+use quadlift::solve::MapOptions;
 use quadlift::{LocalizeError, LocalizeOptions, localize};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use quadlift::geometry::{Body, CamFromWorld, Cuboid, rotation_vector};
+use quadlift::geometry::{Body, BodyKind, CamFromWorld, rotation_vector};
 use quadlift::metrics::{iou3d_bodies, nees};
 use quadlift::nalgebra::{IsometryMatrix3, Rotation3, Vector3, Vector6};
 use quadlift::random::{normal, stream};
-use quadlift::solve::{BodyKind, MapOptions, PoseMotion};
+use quadlift::solve::{MapOptions, PoseMotion};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift::{Localization, LocalizeOptions, localize};
 use rayon::prelude::*;
@@ -228,15 +228,15 @@ fn seen_from_cameras(found: &Localization, given: &TrueScene, registered: &TrueS
             let (world, camera) = (isometry(&refined)?.inverse(), isometry(&pose(other)?)?);
             let motion = world * camera;
             let center = motion * truth.center;
-            Some(Cuboid { center, rotation: motion.rotation * truth.rotation, ..truth })
+            Some(Body { center, rotation: motion.rotation * truth.rotation, ..truth })
         };
-        let views: Vec<Cuboid> = estimate.views.iter().filter_map(|view| placed(view.frame_index)).collect();
+        let views: Vec<Body> = estimate.views.iter().filter_map(|view| placed(view.frame_index)).collect();
         if views.is_empty() {
             continue;
         }
-        let overlap = |truth: &Cuboid| estimate.body.map_or(0.0, |body| iou3d_bodies(&body, &Body::Cuboid(*truth)));
-        let distance = |truth: &Cuboid| estimate.center.map_or(f64::INFINITY, |center| (center - truth.center).norm());
-        let mean = |of: &dyn Fn(&Cuboid) -> f64| views.iter().map(of).sum::<f64>() / views.len() as f64;
+        let overlap = |truth: &Body| estimate.body.map_or(0.0, |body| iou3d_bodies(&body, truth));
+        let distance = |truth: &Body| estimate.center.map_or(f64::INFINITY, |center| (center - truth.center).norm());
+        let mean = |of: &dyn Fn(&Body) -> f64| views.iter().map(of).sum::<f64>() / views.len() as f64;
         scores.push((mean(&overlap), mean(&distance)));
     }
     scores

@@ -3,12 +3,13 @@
 use std::f64::consts::TAU;
 
 use quadlift::LocalizeOptions;
+use quadlift::geometry::BodyKind;
 use quadlift::geometry::{
     BoundingBox, CamFromWorld, Ellipsoid, Intrinsics, Projection, Similarity, project_bounding_box,
 };
 use quadlift::nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
 use quadlift::scene::{DetectionInput, Scene, SceneBuilder};
-use quadlift::solve::{BodyKind, MapOptions};
+use quadlift::solve::MapOptions;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;

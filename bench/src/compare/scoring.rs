@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use quadlift::geometry::Body;
+use quadlift::geometry::{Body, BodyKind};
 use quadlift::metrics::{ObjectScore, iou3d_bodies, squared_errors};
 use quadlift::solve::{Covariance, Status};
 use quadlift_io::SceneFile;
@@ -116,10 +116,10 @@ fn objects(set: &Set, scene: &SceneCase, result: &SceneFile) -> anyhow::Result<V
 
 /// Whether the true body lies in the region of 95 % of an estimate.
 pub(crate) fn is_inside(overlap: Overlap, body: &Body, covariance: &Covariance, truth: &ObjectBodies) -> Option<bool> {
-    let true_body = match (body, overlap, truth.cuboid) {
+    let true_body = match (body.kind, overlap, truth.cuboid()) {
         (_, Overlap::Bodies, _) => truth.body()?,
-        (Body::Cuboid(_), _, Some(cuboid)) => Body::Cuboid(cuboid),
-        _ => truth.ellipsoid.map(Body::Ellipsoid).or(truth.body())?,
+        (BodyKind::Cuboid, _, Some(cuboid)) => cuboid,
+        _ => truth.ellipsoid().map(Body::from).or(truth.body())?,
     };
     Some(squared_errors(body, covariance, &true_body)?.whole <= CHI2_9_95)
 }

@@ -3,9 +3,8 @@
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
-use quadlift::geometry::Body;
+use quadlift::geometry::{Body, BodyKind};
 use quadlift::scene::Detection;
-use quadlift::solve::BodyKind;
 use quadlift::synthetic::{
     Box3dNoise, CueOptions, DepthNoise, Detector, Noise, Observations, ShapeOptions, SyntheticIds, SyntheticOptions,
     SyntheticScene, Trajectory, generate, simulate_cues, simulate_shapes,

@@ -1,8 +1,9 @@
 //! Depths with a scale in each frame: objects that are seen once, where the others tell the scale.
 
+use quadlift::geometry::BodyKind;
 use quadlift::metrics::nees;
 use quadlift::scene::Detection;
-use quadlift::solve::{BodyKind, MapOptions, Status};
+use quadlift::solve::{MapOptions, Status};
 use quadlift::synthetic::{CueOptions, DepthNoise, simulate_cues};
 use quadlift::{LocalizeOptions, localize};
 use rayon::prelude::*;

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use quadlift::geometry::{Body, BoundingBox, ConvexBody, Cuboid, Projection};
+use quadlift::geometry::{Body, BodyKind, BoundingBox, ConvexBody, Projection};
 use quadlift::metrics::iou3d_ellipsoids;
 use quadlift::nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
 use quadlift::scene::{Cues, Detection, DetectionInput, Scene, SceneBuilder};
-use quadlift::solve::{BodyKind, MapOptions, Status};
+use quadlift::solve::{MapOptions, Status};
 use quadlift::synthetic::{Box3dNoise, CueOptions, DepthNoise, simulate_cues};
 use quadlift::{LocalizeOptions, localize};
 use quadlift_io::builtin_priors;
@@ -125,7 +125,7 @@ fn scores(
     let of_scene = |scene: &TrueScene| {
         let body_of = |_: usize, detection: &Detection| {
             let id = &scene.scene.object_ids[detection.object_index? as usize];
-            scene.truth.iter().find(|object| &object.id == id)?.cuboid.map(Body::Cuboid)
+            scene.truth.iter().find(|object| &object.id == id)?.cuboid
         };
         let scene = TrueScene { scene: simulate_cues(&scene.scene, body_of, cues, seed)?, ..scene.clone() };
         scene.scores(&options)
@@ -137,7 +137,7 @@ fn scores(
 struct SingleImage {
     projection: Projection,
     /// Box and true body of each car.
-    cars: Vec<(BoundingBox, Cuboid)>,
+    cars: Vec<(BoundingBox, Body)>,
 }
 
 /// The images with cars that are neither cut off nor much hidden; files that cannot be parsed are left out.
@@ -159,7 +159,7 @@ fn single_images(folder: &Path) -> Result<Vec<SingleImage>, Error> {
 }
 
 /// Box and body of a line of a label file: type, truncated, occluded, alpha, box, height, width, length, bottom center, yaw.
-fn car(line: &str) -> Option<(BoundingBox, Cuboid)> {
+fn car(line: &str) -> Option<(BoundingBox, Body)> {
     let numbers: Vec<f64> = line.strip_prefix("Car ")?.split_whitespace().filter_map(|x| x.parse().ok()).collect();
     let [truncated, occluded, _, x0, y0, x1, y1, height, width, length, x, y, z, yaw, ..] = numbers[..] else {
         return None;
@@ -172,7 +172,7 @@ fn car(line: &str) -> Option<(BoundingBox, Cuboid)> {
     let columns = [Vector3::new(cos, 0.0, -sin), Vector3::new(sin, 0.0, cos), Vector3::new(0.0, -1.0, 0.0)];
     let rotation = Rotation3::from_matrix_unchecked(quadlift::nalgebra::Matrix3::from_columns(&columns));
     let half_extents = Vector3::new(length, width, height) * 0.5;
-    let body = Cuboid { center: Point3::new(x, y - 0.5 * height, z), half_extents, rotation };
+    let body = Body { kind: BodyKind::Cuboid, center: Point3::new(x, y - 0.5 * height, z), half_extents, rotation };
     Some((BoundingBox::new([x0, y0, x1, y1]).ok()?, body))
 }
 
@@ -202,7 +202,7 @@ fn errors(image: &SingleImage, cues: &CueOptions, seed: u64) -> Result<Vec<CarSc
         })?;
     }
     let scene: Scene = builder.build();
-    let scene = simulate_cues(&scene, |index, _| Some(Body::Cuboid(image.cars[index].1)), cues, seed)?;
+    let scene = simulate_cues(&scene, |index, _| Some(image.cars[index].1), cues, seed)?;
     let map = MapOptions {
         body: Some(BodyKind::Cuboid),
         priors: builtin_priors(),
@@ -210,13 +210,13 @@ fn errors(image: &SingleImage, cues: &CueOptions, seed: u64) -> Result<Vec<CarSc
         ..Default::default()
     };
     let found = localize(&scene, &LocalizeOptions { seed, ..map.into() })?;
-    let error = |(index, (_, body)): (usize, &(BoundingBox, Cuboid))| {
+    let error = |(index, (_, body)): (usize, &(BoundingBox, Body))| {
         let estimate = &found.estimates[index];
         let found = estimate.body.filter(|_| estimate.status == Status::Ok);
         CarScore {
             distance: body.center.coords.norm(),
             error: found.map(|found| (found.center() - body.center).norm()),
-            o3d: found.map_or(0.0, |found| iou3d_ellipsoids(&found.ellipsoid(), &Body::Cuboid(*body).ellipsoid())),
+            o3d: found.map_or(0.0, |found| iou3d_ellipsoids(&found.ellipsoid(), &body.ellipsoid())),
         }
     };
     Ok(image.cars.iter().enumerate().map(error).collect())

@@ -1,10 +1,12 @@
 //! Synthetic scenes: outlines and turned boxes beside boxes, in 2 to 20 views.
 
-use quadlift::geometry::{Body, Ellipse, Ellipsoid, OrientedBox, OutlineEnd, SupportLines, project_ellipsoid};
+use quadlift::geometry::{
+    Body, BodyKind, Ellipse, Ellipsoid, OrientedBox, OutlineEnd, SupportLines, project_ellipsoid,
+};
 use quadlift::metrics::{iou3d_ellipsoids, nees};
 use quadlift::nalgebra::{Rotation2, Vector2};
 use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, MapOptions, Status};
+use quadlift::solve::{MapOptions, Status};
 use quadlift::synthetic::SyntheticScene;
 use quadlift::{LocalizeOptions, localize};
 use rand::{RngExt, SeedableRng};
@@ -113,7 +115,7 @@ fn scores(views: usize, seed: u64) -> Result<Vec<Vec<Option<Score>>>, Error> {
         let score = |(name, body): &(String, Body)| {
             let truth: Ellipsoid = body.ellipsoid();
             let estimate = found.estimates.iter().find(|e| &scene.object_ids[e.object_index] == name)?;
-            let Some(Body::Ellipsoid(ellipsoid)) = &estimate.body else { return None };
+            let ellipsoid = &estimate.body?.inscribed();
             let covariance = estimate.covariance.as_ref().map(|c| &c.matrix);
             let nees = covariance.and_then(|covariance| nees(ellipsoid, &truth, covariance));
             (estimate.status == Status::Ok).then(|| (iou3d_ellipsoids(ellipsoid, &truth), nees))

@@ -4,11 +4,11 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use nalgebra::{Point3, Vector2, Vector3};
-use quadlift::geometry::{BoundingBox, Ellipsoid};
+use quadlift::geometry::{BodyKind, BoundingBox, Ellipsoid};
 use quadlift::metrics::{iou3d_ellipsoids, nees};
 use quadlift::random::{normal, stream};
 use quadlift::scene::{Frame, Scene};
-use quadlift::solve::{BodyKind, MapOptions, Status};
+use quadlift::solve::{MapOptions, Status};
 use quadlift::synthetic::SyntheticScene;
 use quadlift::{LocalizeOptions, localize};
 use quadlift_io::SceneFile;

@@ -1,8 +1,9 @@
 //! Depths with a shift: measured = 1.1 times the true depth + a constant, where all objects are about as far and along a street.
 
+use quadlift::geometry::BodyKind;
 use quadlift::metrics::{iou3d_ellipsoids, nees};
 use quadlift::scene::Detection;
-use quadlift::solve::{BodyKind, MapOptions, Status};
+use quadlift::solve::{MapOptions, Status};
 use quadlift::synthetic::{
     Box3dNoise, CueOptions, DepthNoise, Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate,
     simulate_cues,

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use quadlift::geometry::BodyKind;
 use quadlift::metrics::nees;
 use quadlift::nalgebra::{Unit, Vector3};
-use quadlift::solve::{BodyKind, MapOptions};
+use quadlift::solve::MapOptions;
 use quadlift::synthetic::{CategoryOptions, CategorySizes, Noise, Observations, SyntheticOptions, generate_categories};
 use quadlift::{LocalizeOptions, localize};
 use rayon::prelude::*;

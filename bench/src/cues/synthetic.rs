@@ -1,9 +1,9 @@
 //! Synthetic scenes: each cue alone and both, in 1 to 20 views.
 
-use quadlift::geometry::{Body, Ellipsoid};
+use quadlift::geometry::{BodyKind, Ellipsoid};
 use quadlift::metrics::{iou3d_ellipsoids, nees};
 use quadlift::scene::{Detection, Scene};
-use quadlift::solve::{BodyKind, MapOptions, Status};
+use quadlift::solve::{MapOptions, Status};
 use quadlift::synthetic::{
     Box3dNoise, CueOptions, DepthNoise, Noise, Observations, SyntheticOptions, SyntheticScene, generate, simulate_cues,
 };
@@ -119,7 +119,7 @@ pub(super) fn scores_of(
             .map(|k| {
                 let name = &made.truth[k].0;
                 let estimate = found.estimates.iter().find(|e| &scene.object_ids[e.object_index] == name)?;
-                let Some(Body::Ellipsoid(ellipsoid)) = &estimate.body else { return None };
+                let ellipsoid = &estimate.body?.inscribed();
                 let covariance = estimate.covariance.as_ref().map(|c| &c.matrix);
                 (estimate.status == Status::Ok).then(|| score(Some((ellipsoid, covariance)), &truth[k])).flatten()
             })

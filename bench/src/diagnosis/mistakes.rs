@@ -3,10 +3,10 @@
 use std::collections::HashMap;
 
 use quadlift::diagnosis::{BoxFormat, CameraParts, CauseName, Correction, Mistake};
-use quadlift::geometry::{Body, ConvexBody};
+use quadlift::geometry::{Body, BodyKind, ConvexBody};
 use quadlift::metrics::iou3d_bodies;
 use quadlift::scene::{Detection, Frame, Scene};
-use quadlift::solve::{BodyKind, MapOptions, Method};
+use quadlift::solve::{MapOptions, Method};
 use quadlift::synthetic::Trajectory;
 use quadlift::{LocalizeOptions, localize};
 use rand::{RngExt, SeedableRng};

@@ -7,10 +7,10 @@
 mod wrong_boxes;
 
 use nalgebra::{Point3, Rotation3, Vector2, Vector3};
-use quadlift::geometry::{Body, Cuboid};
+use quadlift::geometry::{Body, BodyKind};
 use quadlift::metrics::iou3d_bodies;
 use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, CategoryPrior, MapOptions};
+use quadlift::solve::{CategoryPrior, MapOptions};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift::{LocalizeOptions, localize};
 use rayon::prelude::*;
@@ -174,7 +174,7 @@ fn median_of_boxes(scene: &Scene, object: u32) -> Option<Body> {
         views.iter().map(|(p, b)| b.size() * (p.depth(&center) / p.focal_length())).collect();
     let [width, height] = [0, 1].map(|k| median(sizes.iter().map(|size| size[k]).collect()));
     let half_extents = Vector3::new(width?, width?, height?) * 0.5;
-    Some(Body::Cuboid(Cuboid { center, half_extents, rotation: Rotation3::identity() }))
+    Some(Body { kind: BodyKind::Cuboid, center, half_extents, rotation: Rotation3::identity() })
 }
 
 #[cfg(test)]
@@ -195,7 +195,7 @@ mod tests {
         let synthetic = generate(&options).unwrap();
         for (object, (_, truth)) in (0..).zip(&synthetic.truth) {
             let found = median_of_boxes(&synthetic.scene, object).unwrap();
-            assert!((found.center() - truth.center()).norm() < 0.2 * truth.half_extents().max());
+            assert!((found.center() - truth.center()).norm() < 0.2 * truth.half_extents.max());
             let iou = iou3d_bodies(&found, truth);
             assert!((0.2..0.95).contains(&iou), "{iou}");
         }

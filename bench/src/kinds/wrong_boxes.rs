@@ -1,6 +1,7 @@
 //! Wrong boxes among those of objects of one kind (ours): the default against the true kind given.
 
-use quadlift::solve::{BodyKind, MapOptions};
+use quadlift::geometry::BodyKind;
+use quadlift::solve::MapOptions;
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, generate};
 use rayon::prelude::*;
 

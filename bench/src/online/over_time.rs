@@ -53,7 +53,7 @@ pub(super) fn judge(scene: &Scene, bodies: &[Option<Ellipsoid>]) -> Result<(f64,
     let total = pairs.iter().map(|pair| pair.iou3d).fold(0.0, |sum, iou| sum + iou);
     let nees = pairs.iter().filter(|pair| pair.iou3d >= LEAST_IOU).filter_map(|pair| {
         let estimate = &localization.estimates[pair.found];
-        let truth = Body::Ellipsoid(bodies[pair.truth]?);
+        let truth = Body::from(bodies[pair.truth]?);
         Some(squared_errors(estimate.body.as_ref()?, estimate.covariance.as_ref()?, &truth)?.whole)
     });
     Ok((total / bodies.iter().flatten().count().max(1) as f64, nees.collect()))

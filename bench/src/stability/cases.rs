@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use quadlift::LocalizeOptions;
+use quadlift::geometry::BodyKind;
 use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, MapOptions, PoseMotion};
+use quadlift::solve::{MapOptions, PoseMotion};
 use quadlift_io::builtin_priors;
 use quadlift_io::scene_file::ObjectBodies;
 

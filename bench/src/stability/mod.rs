@@ -62,7 +62,7 @@ fn overlap(overlap: Overlap, estimate: &Estimate, truth: &ObjectBodies) -> Optio
         Overlap::Ellipsoids => estimate.ellipsoid()?,
         Overlap::Enclosing => estimate.enclosing_ellipsoid()?,
     };
-    Some(iou3d_ellipsoids(&ellipsoid, &truth.ellipsoid.or(truth.body().map(|body| body.ellipsoid()))?))
+    Some(iou3d_ellipsoids(&ellipsoid, &truth.ellipsoid().or(truth.body().map(|body| body.ellipsoid()))?))
 }
 
 fn outcome(case: &Case) -> Result<Outcome, Error> {

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use quadlift::geometry::Body;
+use quadlift::geometry::{Body, BodyKind};
 use quadlift::metrics::TruthObject;
-use quadlift::solve::{BodyKind, Estimate, MapOptions, Method};
+use quadlift::solve::{Estimate, MapOptions, Method};
 use quadlift::{LocalizeOptions, localize};
 use quadlift_io::builtin_priors;
 use rayon::prelude::*;
@@ -144,8 +144,8 @@ impl RealSet {
 
 /// The true body that an estimate is of.
 fn true_body(truth: &TruthObject, estimate: &Estimate) -> Option<Body> {
-    match (estimate.body?, truth.cuboid, truth.ellipsoid) {
-        (Body::Cuboid(_), Some(cuboid), _) => Some(Body::Cuboid(cuboid)),
-        (_, _, ellipsoid) => ellipsoid.map(Body::Ellipsoid),
+    match (estimate.body?.kind, truth.cuboid, truth.ellipsoid) {
+        (BodyKind::Cuboid, Some(cuboid), _) => Some(cuboid),
+        (_, _, ellipsoid) => ellipsoid.map(Body::from),
     }
 }

@@ -1,6 +1,7 @@
 //! Synthetic cells: kinds of measurements, angles between the views, numbers of views.
 
-use quadlift::solve::{BodyKind, MapOptions};
+use quadlift::geometry::BodyKind;
+use quadlift::solve::MapOptions;
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
 use quadlift::{LocalizeOptions, localize};
 use rayon::prelude::*;

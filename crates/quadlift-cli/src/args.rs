@@ -1,7 +1,7 @@
 //! Values of options that several commands share.
 
 use quadlift::UnknownName;
-use quadlift::solve::BodyKind;
+use quadlift::geometry::BodyKind;
 use quadlift_io::scene_file::Detail;
 
 /// Reads a kind of body.

@@ -59,7 +59,7 @@ pub(crate) fn summaries<'a>(scene: &'a Scene, localization: &Localization) -> Ve
 }
 
 fn full_lengths(body: &Body) -> [f64; 3] {
-    let mut lengths: [f64; 3] = (body.half_extents() * 2.0).into();
+    let mut lengths: [f64; 3] = (body.half_extents * 2.0).into();
     lengths.sort_by(|a, b| b.total_cmp(a));
     lengths
 }

@@ -44,10 +44,8 @@ fn errors_of(estimate: &ObjectBodies, truth: &ObjectBodies) -> Option<SquaredErr
         return None;
     }
     let body = estimate.body()?;
-    let true_body = match (&body, truth.cuboid) {
-        (Body::Cuboid(_), Some(cuboid)) => Body::Cuboid(cuboid),
-        _ => truth.ellipsoid.map(Body::Ellipsoid).or(truth.body())?,
-    };
+    let cuboid = truth.cuboid().filter(|cuboid| cuboid.kind == body.kind);
+    let true_body = cuboid.or(truth.ellipsoid().map(Body::from)).or(truth.body())?;
     squared_errors(&body, &estimate.covariance?, &true_body)
 }
 

@@ -13,7 +13,7 @@ use quadlift::cross_validation::{Extent, ObjectCrossValidation};
 use quadlift::geometry::{Body, quaternion_from_rotation};
 use quadlift::locate::{Landmark, LandmarkMap, LocateOptions};
 use quadlift::scene::Scene;
-use quadlift::solve::{Alternative, BodyKind, Estimate, Rejection};
+use quadlift::solve::{Alternative, Estimate, Rejection};
 use quadlift_io::SceneFile;
 use quadlift_io::evaluation::{Matching, evaluate_objects};
 use quadlift_io::run::{FileInput, FileOptions, FileRun, FileRunError, run_file};
@@ -110,7 +110,7 @@ impl PyLocalized {
         dict.set_item("warnings", estimates.iter().map(warnings).collect::<Vec<_>>())?;
         let coordinates = |e: &Estimate| e.covariance.map(|covariance| coordinates_name(covariance.coordinates));
         dict.set_item("covariance_coordinates", estimates.iter().map(coordinates).collect::<Vec<_>>())?;
-        let body_kind = |e: &Estimate| e.body.as_ref().map(|body| BodyKind::of(body).to_string());
+        let body_kind = |e: &Estimate| e.body.as_ref().map(|body| body.kind.to_string());
         dict.set_item("body_kinds", estimates.iter().map(body_kind).collect::<Vec<_>>())?;
         let rows = |name: &str, width: usize, of: &dyn Fn(&Estimate, &mut Vec<f64>)| {
             let mut values = Vec::with_capacity(width * estimates.len());
@@ -137,12 +137,12 @@ impl PyLocalized {
             to.extend(e.enclosing_body().as_ref().map(axes).into_iter().flatten());
         })?;
         rows("quaternions", 4, &|e, to| {
-            to.extend(e.body.iter().flat_map(|b| quaternion_from_rotation(&b.rotation())));
+            to.extend(e.body.iter().flat_map(|b| quaternion_from_rotation(&b.rotation)));
         })?;
         rows("rotations", 9, &|e, to| {
             if let Some(body) = &e.body {
                 // By rows; the library's matrices are by columns.
-                to.extend(body.rotation().matrix().transpose().iter());
+                to.extend(body.rotation.matrix().transpose().iter());
             }
         })?;
         rows("covariances", 81, &|e, to| {
@@ -301,12 +301,12 @@ type AlternativeFigures = ([f64; 3], [f64; 3], [f64; 4], f64);
 fn alternatives(estimate: &Estimate) -> Vec<AlternativeFigures> {
     let figures = |other: &Alternative| {
         let (body, ellipsoid) = (&other.body, other.body.ellipsoid());
-        (ellipsoid.center.coords.into(), axes(body), quaternion_from_rotation(&body.rotation()), other.log_odds)
+        (ellipsoid.center.coords.into(), axes(body), quaternion_from_rotation(&body.rotation), other.log_odds)
     };
     estimate.alternatives.iter().map(figures).collect()
 }
 
 /// Semi-axes, or half extents of a cuboid or cylinder.
 fn axes(body: &Body) -> [f64; 3] {
-    body.half_extents().into()
+    body.half_extents.into()
 }

@@ -1,7 +1,7 @@
 //! Depths and 3D boxes of detections, beside the estimates.
 
 use nalgebra::{Point3, Rotation3};
-use quadlift::geometry::{Body, Cuboid, Projection, visible_depth};
+use quadlift::geometry::{Body, BodyKind, Projection, visible_depth};
 use quadlift::scene::{Box3dCue, Detection, Scene};
 
 use crate::data::{ReportBody, ReportDetections};
@@ -23,7 +23,7 @@ impl ReportDetections {
         }
         let projection = scene.frames.get(detection.frame_index as usize).map(|frame| &frame.projection);
         if let Some(cuboid) = cues.box3d.zip(projection).and_then(|(measured, p)| box_in_world(&measured, p)) {
-            let body = ReportBody::from(&Body::Cuboid(cuboid));
+            let body = ReportBody::from(&cuboid);
             self.boxes3d.push((
                 row,
                 ReportBody {
@@ -44,9 +44,10 @@ fn seen(scene: &Scene, detection: &Detection, body: &Body) -> Option<f64> {
 }
 
 /// A 3D box with center, size and rotation as a cuboid in the world; `None` if it lacks one of them.
-pub(crate) fn box_in_world(measured: &Box3dCue, projection: &Projection) -> Option<Cuboid> {
+pub(crate) fn box_in_world(measured: &Box3dCue, projection: &Projection) -> Option<Body> {
     let (turn, eye) = (projection.world_from_cam_rotation()?, projection.center_in_world()?);
-    Some(Cuboid {
+    Some(Body {
+        kind: BodyKind::Cuboid,
         center: Point3::from(eye.coords + turn * measured.center?.coords),
         half_extents: measured.half_extents?,
         rotation: Rotation3::from_matrix_unchecked(turn * measured.rotation?.matrix()),
@@ -102,7 +103,7 @@ mod tests {
         }
         let scene = builder.build();
         let mut rows = ReportDetections::default();
-        let body = ReportBody::from(&Body::Ellipsoid(ball));
+        let body = ReportBody::from(&Body::from(ball));
         rows.push_cues(0, &scene, &scene.detections[0], Some(&body));
         rows.push_cues(1, &scene, &scene.detections[1], None);
         let (row, measured, ratio) = rows.depths[0];
@@ -111,7 +112,8 @@ mod tests {
         // A box without a size is not drawn.
         let [(0, drawn)] = rows.boxes3d.as_slice() else { panic!("{:?}", rows.boxes3d) };
         assert_eq!((drawn.kind, drawn.half), ("cuboid", [2.0, 1.0, 0.5]));
-        let Some(Body::Cuboid(cuboid)) = drawn.body() else { panic!("{drawn:?}") };
+        let cuboid = drawn.body().unwrap();
+        assert_eq!(cuboid.kind, BodyKind::Cuboid);
         assert!((cuboid.center - ball.center).norm() < 1e-4);
         let expected = pose.matrix().fixed_columns::<3>(0).transpose() * rotation.matrix();
         assert!((cuboid.rotation.matrix() - expected).amax() < 1e-4);

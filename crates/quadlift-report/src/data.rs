@@ -3,9 +3,7 @@
 //! Lengths are world units. Pixels are those of the frames' pinhole cameras: lens distortion has been taken out.
 
 use nalgebra::Point3;
-use quadlift::geometry::{
-    Body, ConvexBody, Cuboid, Cylinder, Ellipsoid, Superellipsoid, quaternion_from_rotation, rotation_from_quaternion,
-};
+use quadlift::geometry::{Body, BodyKind, quaternion_from_rotation, rotation_from_quaternion};
 use serde::Serialize;
 
 /// A report.
@@ -212,39 +210,22 @@ pub struct ScoreRow {
 impl ReportBody {
     /// The body as a library type; `None` if the rotation is invalid.
     pub fn body(&self) -> Option<Body> {
-        let (center, half) = (Point3::from(self.center), self.half.into());
+        let (center, half_extents) = (Point3::from(self.center), self.half.into());
         let rotation = rotation_from_quaternion(self.rotation)?;
-        Some(match self.kind {
-            "cuboid" => Body::Cuboid(Cuboid { center, half_extents: half, rotation }),
-            "cylinder" => Body::Cylinder(Cylinder::from_half_extents(center, half, rotation)),
-            "ellipsoid" => Body::Ellipsoid(Ellipsoid { center, semi_axes: half, rotation }),
-            _ => Body::Superellipsoid(Superellipsoid {
-                center,
-                semi_axes: half,
-                rotation,
-                support_exponent: self.exponent,
-            }),
-        })
+        Some(Body { center, rotation, half_extents, kind: BodyKind::named(self.kind, self.exponent)? })
     }
 }
 
 impl From<&Body> for ReportBody {
     fn from(body: &Body) -> Self {
-        let (kind, exponent) = match body {
-            Body::Ellipsoid(_) => ("ellipsoid", 2.0),
-            Body::Cuboid(_) => ("cuboid", 1.0),
-            Body::Cylinder(_) => ("cylinder", 1.0),
-            // The page draws the first two exactly by their own shapes.
-            Body::Superellipsoid(body) if body.support_exponent <= 1.0 => ("cuboid", body.support_exponent),
-            Body::Superellipsoid(body) if body.support_exponent >= 2.0 => ("ellipsoid", body.support_exponent),
-            Body::Superellipsoid(body) => ("superellipsoid", body.support_exponent),
-        };
+        // The page draws the ends of the superellipsoids exactly, by their own shapes.
+        let kind = body.kind.simplest();
         Self {
-            kind,
-            center: body.center().coords.into(),
-            half: body.half_extents().into(),
-            rotation: quaternion_from_rotation(&body.rotation()),
-            exponent,
+            kind: kind.name(),
+            center: body.center.coords.into(),
+            half: body.half_extents.into(),
+            rotation: quaternion_from_rotation(&body.rotation),
+            exponent: kind.exponent(),
         }
     }
 }

@@ -180,8 +180,7 @@ impl LiveMap {
         let (mut changed, mut gone) = (Vec::new(), Vec::new());
         for &id in objects {
             let object = map.object(id).filter(|object| object.id == id && object.presence == Presence::Confirmed);
-            let body =
-                object.as_ref().and_then(|object| drawable(&ReportBody::from(&Body::Ellipsoid(object.ellipsoid))));
+            let body = object.as_ref().and_then(|object| drawable(&ReportBody::from(&Body::from(object.ellipsoid))));
             match (object, body) {
                 (Some(object), Some(body)) => {
                     let shown = (body, category(&object));
@@ -297,9 +296,7 @@ mod tests {
     fn bodies(map: &ObjectMap) -> BTreeMap<String, RecordingBody> {
         let confirmed = map.objects().filter(|object| object.presence == Presence::Confirmed);
         confirmed
-            .map(|object| {
-                (object.id.to_string(), drawable(&ReportBody::from(&Body::Ellipsoid(object.ellipsoid))).unwrap())
-            })
+            .map(|object| (object.id.to_string(), drawable(&ReportBody::from(&Body::from(object.ellipsoid))).unwrap()))
             .collect()
     }
 

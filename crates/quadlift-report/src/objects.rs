@@ -106,7 +106,7 @@ impl Objects {
         object.status = record.status.clone();
         object.center = bodies.center.map(|center: Point3<f64>| center.coords.into());
         object.center_sd = record.center_sd;
-        object.center_shell = shell.map(|shell| (&Body::Ellipsoid(shell)).into());
+        object.center_shell = shell.map(|shell| (&Body::from(shell)).into());
         object.body = bodies.body().as_ref().map(Into::into);
         object.enclosing = bodies.enclosing_body().as_ref().map(Into::into);
         let alternative = |(body, log_odds): &(Body, f64)| ReportAlternative { body: body.into(), log_odds: *log_odds };
@@ -153,6 +153,6 @@ impl Objects {
 
 /// The body of an object: of the kind `like` if it has one, otherwise cuboid, cylinder, superellipsoid or ellipsoid.
 fn body(bodies: &ObjectBodies, like: Option<&str>) -> Option<ReportBody> {
-    let ellipsoid = bodies.ellipsoid.filter(|_| like == Some("ellipsoid")).map(Body::Ellipsoid);
+    let ellipsoid = bodies.ellipsoid().filter(|_| like == Some("ellipsoid")).map(Body::from);
     ellipsoid.or(bodies.body()).as_ref().map(Into::into)
 }

@@ -3,9 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use nalgebra::{Matrix2, Matrix3x4, Vector2};
-use quadlift::geometry::{
-    Body, ConvexBody, Cuboid, Ellipse, Projection, SupportLines, project_bounding_box, project_ellipsoid,
-};
+use quadlift::geometry::{Body, BodyKind, Ellipse, Projection, SupportLines, project_bounding_box, project_ellipsoid};
 
 /// Points on the outline of a round body.
 const POINTS: usize = 96;
@@ -21,11 +19,10 @@ pub(crate) struct Outline {
 
 /// The outline of a body; `None` if it is not entirely in front of the camera.
 pub(crate) fn outline(projection: &Projection, body: &Body) -> Option<Outline> {
-    match body {
-        Body::Ellipsoid(body) => Some(closed(ellipse_points(&project_ellipsoid(projection, body).ok()?))),
-        Body::Cuboid(body) => cuboid(projection, body),
-        Body::Cylinder(body) => Some(closed(tangent_polygon(projection, body)?)),
-        Body::Superellipsoid(body) => Some(closed(tangent_polygon(projection, body)?)),
+    match body.kind {
+        BodyKind::Ellipsoid => Some(closed(ellipse_points(&project_ellipsoid(projection, &body.inscribed()).ok()?))),
+        BodyKind::Cuboid => cuboid(projection, body),
+        _ => Some(closed(tangent_polygon(projection, body)?)),
     }
 }
 
@@ -63,7 +60,7 @@ fn rotation(angle: f64) -> Matrix2<f64> {
 
 /// The polygon of supporting lines of the outline of a convex body: the sides of its box in the image and in rotated
 /// images.
-fn tangent_polygon(projection: &Projection, body: &impl ConvexBody) -> Option<Vec<Vector2<f64>>> {
+fn tangent_polygon(projection: &Projection, body: &Body) -> Option<Vec<Vector2<f64>>> {
     let turns = POINTS / 4;
     // Lines n . x = d by the direction of n.
     let mut lines = vec![(Vector2::zeros(), 0.0); POINTS];
@@ -85,7 +82,7 @@ fn tangent_polygon(projection: &Projection, body: &impl ConvexBody) -> Option<Ve
     (0..POINTS).map(corner).collect()
 }
 
-fn cuboid(projection: &Projection, cuboid: &Cuboid) -> Option<Outline> {
+fn cuboid(projection: &Projection, cuboid: &Body) -> Option<Outline> {
     let corners = cuboid.corners();
     let pixels: Option<Vec<Vector2<f64>>> = corners.iter().map(|corner| projection.project_point(corner)).collect();
     let pixels = pixels?;
@@ -111,7 +108,7 @@ fn cuboid(projection: &Projection, cuboid: &Cuboid) -> Option<Outline> {
 mod tests {
     use super::*;
     use nalgebra::{Point3, Rotation3, Vector3};
-    use quadlift::geometry::{CamFromWorld, Ellipsoid, Intrinsics, Superellipsoid};
+    use quadlift::geometry::{Body, BodyKind, CamFromWorld, Intrinsics};
 
     fn camera() -> Projection {
         let mut pose = Matrix3x4::identity();
@@ -122,12 +119,12 @@ mod tests {
         )
     }
 
-    fn superellipsoid(support_exponent: f64) -> Superellipsoid {
-        Superellipsoid {
+    fn superellipsoid(support_exponent: f64) -> Body {
+        Body {
             center: Point3::new(0.5, -0.3, 1.0),
-            semi_axes: Vector3::new(1.2, 0.8, 0.4),
+            half_extents: Vector3::new(1.2, 0.8, 0.4),
             rotation: Rotation3::from_euler_angles(0.3, 0.7, -0.4),
-            support_exponent,
+            kind: BodyKind::Superellipsoid(support_exponent),
         }
     }
 
@@ -135,7 +132,7 @@ mod tests {
     fn tangents_give_the_outline_of_the_ellipsoid_that_a_superellipsoid_becomes() {
         let body = superellipsoid(2.0);
         let polygon = tangent_polygon(&camera(), &body).unwrap();
-        let ellipsoid = Ellipsoid { center: body.center, semi_axes: body.semi_axes, rotation: body.rotation };
+        let ellipsoid = body.inscribed();
         let ellipse = project_ellipsoid(&camera(), &ellipsoid).unwrap();
         let turn = rotation(-ellipse.angle());
         for corner in &polygon {
@@ -148,11 +145,11 @@ mod tests {
     #[test]
     fn a_cuboid_shows_one_to_three_faces_that_cover_its_box() {
         let body = superellipsoid(1.0);
-        let cuboid = Cuboid { center: body.center, half_extents: body.semi_axes, rotation: body.rotation };
-        let outline = outline(&camera(), &Body::Cuboid(cuboid)).unwrap();
+        let cuboid = Body { kind: BodyKind::Cuboid, ..body };
+        let outline = outline(&camera(), &cuboid).unwrap();
         assert_eq!((outline.faces.len(), outline.lines.len()), (3, 12));
-        let straight = Cuboid { center: Point3::origin(), rotation: Rotation3::identity(), ..cuboid };
-        assert_eq!(super::outline(&camera(), &Body::Cuboid(straight)).unwrap().faces.len(), 1);
+        let straight = Body { center: Point3::origin(), rotation: Rotation3::identity(), ..cuboid };
+        assert_eq!(super::outline(&camera(), &straight).unwrap().faces.len(), 1);
         let edges = project_bounding_box(&camera(), &cuboid).unwrap().edges();
         let points = || outline.faces.iter().flatten();
         let reach = |f: fn(f64, f64) -> f64, axis: usize, start| points().map(|p| p[axis]).fold(start, f);
@@ -165,8 +162,8 @@ mod tests {
     #[test]
     fn the_faces_of_a_cuboid_are_those_that_look_at_the_camera() {
         let body = superellipsoid(1.0);
-        let cuboid = Cuboid { center: body.center, half_extents: body.semi_axes, rotation: body.rotation };
-        let outline = outline(&camera(), &Body::Cuboid(cuboid)).unwrap();
+        let cuboid = Body { kind: BodyKind::Cuboid, ..body };
+        let outline = outline(&camera(), &cuboid).unwrap();
         let corners = cuboid.corners();
         let depth = |corner: &Point3<f64>| camera().depth(corner);
         let by_depth = |a: &&Point3<f64>, b: &&Point3<f64>| depth(a).total_cmp(&depth(b));
@@ -183,7 +180,7 @@ mod tests {
         let mut body = superellipsoid(1.5);
         for depth in [-6.2, -30.0] {
             body.center.z = depth;
-            assert!(outline(&camera(), &Body::Superellipsoid(body)).is_none());
+            assert!(outline(&camera(), &body).is_none());
         }
     }
 }

@@ -4,7 +4,7 @@
 use std::collections::HashSet;
 
 use nalgebra::{Matrix3x4, Vector2};
-use quadlift::geometry::{Body, Projection};
+use quadlift::geometry::{Body, BodyKind, Projection};
 use quadlift::scene::{Box3dCue, Detection, Scene};
 use quadlift_io::EntryError;
 use serde::Serialize;
@@ -152,7 +152,7 @@ pub struct RecordingBox3d {
 impl RecordingBox3d {
     /// A 3D box in the frame of a camera; `None` if it lacks center, size or rotation.
     pub(crate) fn new(measured: &Box3dCue, projection: &Projection, owner: &Owner) -> Option<Self> {
-        let body = drawable(&ReportBody::from(&Body::Cuboid(box_in_world(measured, projection)?)))?;
+        let body = drawable(&ReportBody::from(&box_in_world(measured, projection)?))?;
         Some(Self { body, owner: owner.clone() })
     }
 }
@@ -218,11 +218,10 @@ fn category(report: &Report, object_index: usize) -> Option<String> {
 }
 
 pub(crate) fn drawable(body: &ReportBody) -> Option<RecordingBody> {
-    let drawn = match body.body()? {
-        // Rerun has ellipsoids and boxes.
-        round @ (Body::Cylinder(_) | Body::Superellipsoid(_)) => ReportBody::from(&Body::Ellipsoid(round.ellipsoid())),
-        _ => body.clone(),
-    };
+    let whole = body.body()?;
+    // Rerun has ellipsoids and boxes.
+    let is_drawn = matches!(whole.kind, BodyKind::Ellipsoid | BodyKind::Cuboid);
+    let drawn = if is_drawn { body.clone() } else { ReportBody::from(&Body::from(whole.ellipsoid())) };
     let [w, x, y, z] = drawn.rotation;
     Some(RecordingBody {
         kind: body.kind,

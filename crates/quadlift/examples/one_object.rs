@@ -4,10 +4,10 @@
 
 #![allow(clippy::print_stdout, reason = "an example")]
 
-use quadlift::geometry::{BoundingBox, CamFromWorld, Intrinsics, Projection};
+use quadlift::geometry::{BodyKind, BoundingBox, CamFromWorld, Intrinsics, Projection};
 use quadlift::nalgebra::Matrix3x4;
 use quadlift::scene::View;
-use quadlift::solve::{BodyKind, Estimator, MapOptions, Method};
+use quadlift::solve::{Estimator, MapOptions, Method};
 
 /// The rows of `[R | t]`, world to camera (x right, y down, z forward), and the box `x0, y0, x1, y1` in pixels.
 const VIEWS: [([f64; 12], [f64; 4]); 4] = [

@@ -4,8 +4,9 @@ use std::fmt::{Display, Formatter, Result as FmtResult};
 use std::str::FromStr;
 
 use crate::association::IdUse;
+use crate::geometry::BodyKind;
 use crate::localize::MeasurementKind;
-use crate::solve::{BodyKind, MapOptions, Method, PoseMotion, RegOptions};
+use crate::solve::{MapOptions, Method, PoseMotion, RegOptions};
 
 /// A name that stands for none of the choices.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -144,18 +145,12 @@ impl FromStr for IdUse {
     }
 }
 
-/// The names of the kinds of bodies, where Q stands for an exponent.
-const BODY_KINDS: [&str; 4] =
-    ["ellipsoid", "cuboid", "cylinder", "superellipsoid:Q with Q from 1 (cuboid) to 2 (ellipsoid)"];
-
 impl Display for BodyKind {
     /// `ellipsoid`, `cuboid`, `cylinder`, or `superellipsoid:Q` with the exponent of the support function.
     fn fmt(&self, f: &mut Formatter<'_>) -> FmtResult {
-        match self {
-            Self::Ellipsoid => f.pad("ellipsoid"),
-            Self::Cuboid => f.pad("cuboid"),
-            Self::Cylinder => f.pad("cylinder"),
-            Self::Superellipsoid(exponent) => write!(f, "superellipsoid:{exponent}"),
+        match self.parameter() {
+            None => f.pad(self.name()),
+            Some(exponent) => write!(f, "{}:{exponent}", self.name()),
         }
     }
 }
@@ -163,15 +158,12 @@ impl Display for BodyKind {
 impl FromStr for BodyKind {
     type Err = UnknownName;
 
-    fn from_str(name: &str) -> Result<Self, UnknownName> {
-        let exponent = name.strip_prefix("superellipsoid:").and_then(|exponent| exponent.parse().ok());
-        match (name, exponent) {
-            ("ellipsoid", _) => Ok(Self::Ellipsoid),
-            ("cuboid", _) => Ok(Self::Cuboid),
-            ("cylinder", _) => Ok(Self::Cylinder),
-            (_, Some(exponent)) if (1.0..=2.0).contains(&exponent) => Ok(Self::Superellipsoid(exponent)),
-            _ => Err(unknown(name, "kind of body", &BODY_KINDS)),
-        }
+    fn from_str(text: &str) -> Result<Self, UnknownName> {
+        let (name, given) = text.split_once(':').map_or((text, None), |(name, given)| (name, Some(given)));
+        let parameter = given.map(|given| given.parse().unwrap_or(f64::NAN));
+        let is_valid = |kind: &Self| kind.parameter() == parameter && (1.0..=2.0).contains(&kind.exponent());
+        let kind = Self::named(name, parameter.unwrap_or_default()).filter(is_valid);
+        kind.ok_or_else(|| unknown(text, "kind of body", &Self::NAMES))
     }
 }
 
@@ -187,7 +179,7 @@ mod tests {
         for (kind, name) in MeasurementKind::ALL.into_iter().zip(MeasurementKind::NAMES) {
             assert_eq!((name.parse(), kind.to_string()), (Ok(kind), name.to_owned()));
         }
-        for kind in [BodyKind::Ellipsoid, BodyKind::Cuboid, BodyKind::Cylinder, BodyKind::Superellipsoid(1.25)] {
+        for kind in BodyKind::ALL {
             assert_eq!(kind.to_string().parse(), Ok(kind));
         }
     }

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use clap::builder::RangedU64ValueParser;
 use nalgebra::Vector3;
-use quadlift::solve::BodyKind;
+use quadlift::geometry::BodyKind;
 use quadlift::synthetic::{
     Detector, Noise, Observations, ShapeOptions, SyntheticIds, SyntheticOptions, SyntheticScene, Trajectory, generate,
 };

@@ -9,10 +9,8 @@ use serde_json::{Value, json};
 use crate::correct::move_world;
 use crate::error::EntryError;
 use crate::locate::LOCATION;
-use crate::scene_file::{
-    BodyRecord, CovarianceRecord, CuboidRecord, CylinderRecord, EllipsoidRecord, ObjectRecord, REFERENCE, SceneFile,
-    SuperellipsoidRecord,
-};
+use crate::scene_file::object_records::KindRecord;
+use crate::scene_file::{CovarianceRecord, ObjectRecord, REFERENCE, SceneFile};
 
 /// The order of the entries of `vech` in a covariance.
 const VECH: [(usize, usize); 6] = [(0, 0), (1, 0), (2, 0), (1, 1), (2, 1), (2, 2)];
@@ -74,42 +72,16 @@ fn move_object(object: &mut ObjectRecord, to: &Similarity) {
             *wxyz = quaternion_from_rotation(&(to.rotation * rotation));
         }
     };
-    let enlarge = |lengths: &mut [f64]| lengths.iter_mut().for_each(|length| *length *= to.scale);
     object.center.iter_mut().for_each(center);
     object.center_sd = object.center_sd.map(|sd| sd * to.scale);
-    let ellipsoid = |body: &mut EllipsoidRecord| {
-        center(&mut body.center);
-        turn(&mut body.rotation);
-        enlarge(&mut body.semi_axes);
+    let move_body = |body: &mut dyn KindRecord| {
+        let (at, rotation, lengths) = body.parts_mut();
+        center(at);
+        turn(rotation);
+        lengths.into_iter().for_each(|length| *length *= to.scale);
     };
-    let cuboid = |body: &mut CuboidRecord| {
-        center(&mut body.center);
-        turn(&mut body.rotation);
-        enlarge(&mut body.half_extents);
-    };
-    let cylinder = |body: &mut CylinderRecord| {
-        center(&mut body.center);
-        turn(&mut body.rotation);
-        enlarge(&mut body.radii);
-        body.half_height *= to.scale;
-    };
-    let superellipsoid = |body: &mut SuperellipsoidRecord| {
-        center(&mut body.center);
-        turn(&mut body.rotation);
-        enlarge(&mut body.semi_axes);
-    };
-    object.ellipsoid.iter_mut().chain(&mut object.enclosing_ellipsoid).for_each(ellipsoid);
-    object.cuboid.iter_mut().chain(&mut object.enclosing_cuboid).for_each(|body| cuboid(body));
-    object.cylinder.iter_mut().chain(&mut object.enclosing_cylinder).for_each(|body| cylinder(body));
-    object.superellipsoid.iter_mut().chain(&mut object.enclosing_superellipsoid).for_each(|body| superellipsoid(body));
-    for other in &mut object.alternatives {
-        match &mut other.body {
-            BodyRecord::Ellipsoid(body) => ellipsoid(body),
-            BodyRecord::Cuboid(body) => cuboid(body),
-            BodyRecord::Cylinder(body) => cylinder(body),
-            BodyRecord::Superellipsoid(body) => superellipsoid(body),
-        }
-    }
+    object.bodies_mut().into_iter().for_each(move_body);
+    object.alternatives.iter_mut().for_each(|other| move_body(other.body.record_mut()));
     if let Some(covariance) = &mut object.covariance {
         move_covariance(covariance, to);
     }

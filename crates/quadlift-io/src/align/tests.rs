@@ -123,7 +123,7 @@ fn the_covariance_of_a_moved_object_is_that_of_its_moved_errors() {
     let mut moved = file.clone();
     moved.move_by(&to).unwrap();
     let [before, after] = [&file, &moved].map(|file| file.to_objects().unwrap().remove(0));
-    let body = before.ellipsoid.unwrap();
+    let body = before.ellipsoid().unwrap();
     // A small error of center and shape, in both frames.
     let coordinates = |body: &Ellipsoid| {
         let mut all = SMatrix::<f64, 9, 1>::zeros();
@@ -142,7 +142,7 @@ fn the_covariance_of_a_moved_object_is_that_of_its_moved_errors() {
         error.dot(&covariance.lu().solve(&error).unwrap())
     };
     let there = squared(&wrong, &body, &before.covariance.unwrap().matrix);
-    let here = squared(&to.ellipsoid(&wrong), &after.ellipsoid.unwrap(), &after.covariance.unwrap().matrix);
+    let here = squared(&to.ellipsoid(&wrong), &after.ellipsoid().unwrap(), &after.covariance.unwrap().matrix);
     assert!((there - here).abs() < 1e-6 * there, "{there} {here}");
 }
 

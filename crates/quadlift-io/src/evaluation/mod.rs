@@ -100,16 +100,16 @@ pub fn evaluate_objects(
 
 fn estimated_object(object: ObjectBodies) -> EstimatedObject {
     EstimatedObject {
+        ellipsoid: object.ellipsoid(),
+        enclosing_ellipsoid: object.enclosing_ellipsoid(),
+        cuboid: object.cuboid(),
+        enclosing_cuboid: object.enclosing_cuboid(),
         id: object.id,
         status: object.status.map(Status::name).unwrap_or_default().to_owned(),
         center: object.center,
-        ellipsoid: object.ellipsoid,
-        enclosing_ellipsoid: object.enclosing_ellipsoid,
-        cuboid: object.cuboid,
-        enclosing_cuboid: object.enclosing_cuboid,
     }
 }
 
 fn true_object(object: ObjectBodies) -> TruthObject {
-    TruthObject { id: object.id, ellipsoid: object.ellipsoid, cuboid: object.cuboid }
+    TruthObject { ellipsoid: object.ellipsoid(), cuboid: object.cuboid(), id: object.id }
 }

@@ -54,7 +54,7 @@ fn landmark(object: &ObjectBodies) -> Option<Landmark> {
     let covariance =
         |matrix: &quadlift::solve::Matrix9| -> Matrix3<f64> { matrix.fixed_view::<3, 3>(0, 0).into_owned() };
     Some(Landmark {
-        ellipsoid: object.ellipsoid.or_else(|| Some(object.body()?.ellipsoid()))?,
+        ellipsoid: object.ellipsoid().or_else(|| Some(object.body()?.ellipsoid()))?,
         center_covariance: object.covariance.as_ref().map(|of_body| covariance(&of_body.matrix)),
         category: object.category.clone(),
     })

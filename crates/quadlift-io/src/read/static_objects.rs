@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Matrix4, Point3, Rotation3, Vector3};
-use quadlift::geometry::Cuboid;
+use quadlift::geometry::{Body, BodyKind};
 
 use crate::scene_file::ObjectRecord;
 
@@ -48,14 +48,12 @@ impl LabelledObjects {
         for (id, labels) in &self.by_id {
             match labels.mean() {
                 Some(cuboid) => {
-                    still.push(ObjectRecord {
-                        id: id.clone(),
-                        category: labels.category.clone(),
-                        cuboid: Some(Box::new((&cuboid).into())),
-                        // A label is the box of a body of any kind: as in the papers, the ellipsoid inscribed in it is true.
-                        ellipsoid: Some((&cuboid.inscribed_ellipsoid()).into()),
-                        ..ObjectRecord::default()
-                    });
+                    let (id, category) = (id.clone(), labels.category.clone());
+                    let mut object = ObjectRecord { id, category, ..ObjectRecord::default() };
+                    object.set_body(&cuboid);
+                    // A label is the box of a body of any kind: as in the papers, the ellipsoid inscribed in it is true.
+                    object.ellipsoid = Some((&cuboid.inscribed()).into());
+                    still.push(object);
                 }
                 None => moving.push(id.clone()),
             }
@@ -66,7 +64,7 @@ impl LabelledObjects {
 
 impl Labels {
     /// The mean cuboid; `None` if the object moves, or if values are invalid.
-    fn mean(&self) -> Option<Cuboid> {
+    fn mean(&self) -> Option<Body> {
         let n = self.centers.len() as f64;
         let center = self.centers.iter().sum::<Vector3<f64>>() / n;
         let half_extents = self.half_extents.iter().sum::<Vector3<f64>>() / n;
@@ -76,7 +74,7 @@ impl Labels {
             return None;
         }
         let rotation = nearest_rotation(&(self.rotations.iter().sum::<Matrix3<f64>>() / n))?;
-        Some(Cuboid { center: Point3::from(center), half_extents, rotation })
+        Some(Body { center: Point3::from(center), rotation, half_extents, kind: BodyKind::Cuboid })
     }
 }
 

@@ -2,13 +2,11 @@
 
 use std::collections::HashMap;
 
-use nalgebra::{Point3, Rotation3, Vector2, Vector3};
-use quadlift::geometry::{Body, Cuboid, Cylinder, Ellipsoid, Superellipsoid, rotation_from_quaternion};
+use nalgebra::Point3;
+use quadlift::geometry::{Body, BodyKind, Ellipsoid};
 use quadlift::solve::{Covariance, CovarianceCoordinates, Matrix9, Status};
 
-use super::object_records::{
-    BodyRecord, CovarianceRecord, CuboidRecord, CylinderRecord, EllipsoidRecord, ObjectRecord, SuperellipsoidRecord,
-};
+use super::object_records::{CovarianceRecord, ObjectRecord, finite_point};
 use super::records::SceneFile;
 use crate::error::EntryError;
 
@@ -23,22 +21,10 @@ pub struct ObjectBodies {
     pub status: Option<Status>,
     /// Center in the world: the given one, or that of a body.
     pub center: Option<Point3<f64>>,
-    /// The ellipsoid; of an estimate, the one that is tangent to the measurements.
-    pub ellipsoid: Option<Ellipsoid>,
-    /// The enclosing ellipsoid, which should contain the real object.
-    pub enclosing_ellipsoid: Option<Ellipsoid>,
-    /// The cuboid.
-    pub cuboid: Option<Cuboid>,
-    /// The enclosing cuboid, which should contain the real object.
-    pub enclosing_cuboid: Option<Cuboid>,
-    /// The cylinder.
-    pub cylinder: Option<Cylinder>,
-    /// The enclosing cylinder, which should contain the real object.
-    pub enclosing_cylinder: Option<Cylinder>,
-    /// The superellipsoid.
-    pub superellipsoid: Option<Superellipsoid>,
-    /// The enclosing superellipsoid, which should contain the real object.
-    pub enclosing_superellipsoid: Option<Superellipsoid>,
+    /// The bodies, of an estimate those that are tangent to the measurements: an ellipsoid first, then those that it stands for.
+    pub bodies: Vec<Body>,
+    /// The enclosing bodies in the same order, which should contain the real object.
+    pub enclosing: Vec<Body>,
     /// Uncertainty of an estimate.
     pub covariance: Option<Covariance>,
 }
@@ -46,19 +32,37 @@ pub struct ObjectBodies {
 impl ObjectBodies {
     /// The body that was estimated, of its kind: not the equivalent ellipsoid of a cuboid.
     pub fn body(&self) -> Option<Body> {
-        (self.superellipsoid.map(Body::Superellipsoid))
-            .or(self.cylinder.map(Body::Cylinder))
-            .or(self.cuboid.map(Body::Cuboid))
-            .or(self.ellipsoid.map(Body::Ellipsoid))
+        self.bodies.last().copied()
     }
 
     /// The enclosing body of this kind, which should contain the real object.
     pub fn enclosing_body(&self) -> Option<Body> {
-        (self.enclosing_superellipsoid.map(Body::Superellipsoid))
-            .or(self.enclosing_cylinder.map(Body::Cylinder))
-            .or(self.enclosing_cuboid.map(Body::Cuboid))
-            .or(self.enclosing_ellipsoid.map(Body::Ellipsoid))
+        self.enclosing.last().copied()
     }
+
+    /// The ellipsoid, which may stand for another body.
+    pub fn ellipsoid(&self) -> Option<Ellipsoid> {
+        of_kind(&self.bodies, BodyKind::Ellipsoid).map(|body| body.inscribed())
+    }
+
+    /// The enclosing ellipsoid.
+    pub fn enclosing_ellipsoid(&self) -> Option<Ellipsoid> {
+        of_kind(&self.enclosing, BodyKind::Ellipsoid).map(|body| body.inscribed())
+    }
+
+    /// The cuboid.
+    pub fn cuboid(&self) -> Option<Body> {
+        of_kind(&self.bodies, BodyKind::Cuboid)
+    }
+
+    /// The enclosing cuboid.
+    pub fn enclosing_cuboid(&self) -> Option<Body> {
+        of_kind(&self.enclosing, BodyKind::Cuboid)
+    }
+}
+
+fn of_kind(bodies: &[Body], kind: BodyKind) -> Option<Body> {
+    bodies.iter().copied().find(|body| body.kind == kind)
 }
 
 impl SceneFile {
@@ -88,19 +92,11 @@ impl ObjectRecord {
     /// # Errors
     /// [`EntryError`] names the first number that makes no body.
     pub fn to_alternatives(&self, entry: &str) -> Result<Vec<(Body, f64)>, EntryError> {
-        let place = |k: usize, kind: &str| format!("{entry}.alternatives[{k}].{kind}");
         let others = self.alternatives.iter().enumerate();
         others
             .map(|(k, other)| {
-                let body = match &other.body {
-                    BodyRecord::Ellipsoid(record) => Body::Ellipsoid(ellipsoid(record, place(k, "ellipsoid"))?),
-                    BodyRecord::Cuboid(record) => Body::Cuboid(cuboid(record, place(k, "cuboid"))?),
-                    BodyRecord::Cylinder(record) => Body::Cylinder(cylinder(record, place(k, "cylinder"))?),
-                    BodyRecord::Superellipsoid(record) => {
-                        Body::Superellipsoid(superellipsoid(record, place(k, "superellipsoid"))?)
-                    }
-                };
-                Ok((body, other.log_odds))
+                let (kind, record) = other.body.parts();
+                Ok((record.to_body(&format!("{entry}.alternatives[{k}].{kind}"))?, other.log_odds))
             })
             .collect()
     }
@@ -108,109 +104,27 @@ impl ObjectRecord {
 
 fn bodies(record: &ObjectRecord, entry: &str) -> Result<ObjectBodies, EntryError> {
     let place = |field: &str| format!("{entry}.{field}");
-    let mut object = ObjectBodies {
+    let status = record.status.as_deref().map(|name| status(name, place("status"))).transpose()?;
+    let (mut bodies, mut enclosing) = (Vec::new(), Vec::new());
+    for (kind, [tangent, larger]) in record.bodies() {
+        if let Some(record) = tangent {
+            bodies.push(record.to_body(&place(kind))?);
+        }
+        if let Some(record) = larger {
+            enclosing.push(record.to_body(&format!("{entry}.enclosing_{kind}"))?);
+        }
+    }
+    let covariance = covariance(record.covariance.as_deref(), place("covariance"))?;
+    let given = record.center.map(|center| finite_point(&center, place("center"))).transpose()?;
+    Ok(ObjectBodies {
         id: record.id.clone(),
         category: record.category.clone(),
-        status: record.status.as_deref().map(|name| status(name, place("status"))).transpose()?,
-        center: None,
-        ellipsoid: given(record.ellipsoid.as_ref(), place("ellipsoid"), ellipsoid)?,
-        enclosing_ellipsoid: given(record.enclosing_ellipsoid.as_ref(), place("enclosing_ellipsoid"), ellipsoid)?,
-        cuboid: given(record.cuboid.as_deref(), place("cuboid"), cuboid)?,
-        enclosing_cuboid: given(record.enclosing_cuboid.as_deref(), place("enclosing_cuboid"), cuboid)?,
-        cylinder: given(record.cylinder.as_deref(), place("cylinder"), cylinder)?,
-        enclosing_cylinder: given(record.enclosing_cylinder.as_deref(), place("enclosing_cylinder"), cylinder)?,
-        superellipsoid: given(record.superellipsoid.as_deref(), place("superellipsoid"), superellipsoid)?,
-        enclosing_superellipsoid: given(
-            record.enclosing_superellipsoid.as_deref(),
-            place("enclosing_superellipsoid"),
-            superellipsoid,
-        )?,
-        covariance: covariance(record.covariance.as_deref(), place("covariance"))?,
-    };
-    object.center = match record.center {
-        Some(center) => Some(finite_point(&center, place("center"))?),
-        None => (object.ellipsoid.map(|body| body.center))
-            .or(object.cuboid.map(|body| body.center))
-            .or(object.cylinder.map(|body| body.center))
-            .or(object.superellipsoid.map(|body| body.center)),
-    };
-    Ok(object)
-}
-
-/// The body of a record where there is one.
-fn given<R, B>(
-    record: Option<&R>,
-    place: String,
-    body: fn(&R, String) -> Result<B, EntryError>,
-) -> Result<Option<B>, EntryError> {
-    record.map(|record| body(record, place)).transpose()
-}
-
-fn ellipsoid(record: &EllipsoidRecord, place: String) -> Result<Ellipsoid, EntryError> {
-    Ok(Ellipsoid {
-        center: finite_point(&record.center, format!("{place}.center"))?,
-        semi_axes: positive_lengths(&record.semi_axes, format!("{place}.semi_axes"))?,
-        rotation: unit_rotation(&record.rotation, format!("{place}.rotation"))?,
+        status,
+        center: given.or(bodies.first().map(|body| body.center)),
+        bodies,
+        enclosing,
+        covariance,
     })
-}
-
-fn cuboid(record: &CuboidRecord, place: String) -> Result<Cuboid, EntryError> {
-    Ok(Cuboid {
-        center: finite_point(&record.center, format!("{place}.center"))?,
-        half_extents: positive_lengths(&record.half_extents, format!("{place}.half_extents"))?,
-        rotation: unit_rotation(&record.rotation, format!("{place}.rotation"))?,
-    })
-}
-
-fn cylinder(record: &CylinderRecord, place: String) -> Result<Cylinder, EntryError> {
-    let positive = |x: f64| x > 0.0 && x.is_finite();
-    if !record.radii.into_iter().all(positive) {
-        let problem = format!("expected two positive numbers, found {:?}", record.radii);
-        return Err(EntryError::new(format!("{place}.radii"), problem));
-    }
-    if !positive(record.half_height) {
-        let problem = format!("expected a positive number, found {:?}", record.half_height);
-        return Err(EntryError::new(format!("{place}.half_height"), problem));
-    }
-    Ok(Cylinder {
-        center: finite_point(&record.center, format!("{place}.center"))?,
-        radii: Vector2::from(record.radii),
-        half_height: record.half_height,
-        rotation: unit_rotation(&record.rotation, format!("{place}.rotation"))?,
-    })
-}
-
-fn superellipsoid(record: &SuperellipsoidRecord, place: String) -> Result<Superellipsoid, EntryError> {
-    let support_exponent = record.support_exponent;
-    if !(1.0..=2.0).contains(&support_exponent) {
-        let problem = format!("{support_exponent} is not a number from 1 (cuboid) to 2 (ellipsoid)");
-        return Err(EntryError::new(format!("{place}.support_exponent"), problem));
-    }
-    Ok(Superellipsoid {
-        center: finite_point(&record.center, format!("{place}.center"))?,
-        semi_axes: positive_lengths(&record.semi_axes, format!("{place}.semi_axes"))?,
-        rotation: unit_rotation(&record.rotation, format!("{place}.rotation"))?,
-        support_exponent,
-    })
-}
-
-fn finite_point(point: &[f64; 3], place: String) -> Result<Point3<f64>, EntryError> {
-    if point.iter().all(|x| x.is_finite()) {
-        return Ok(Point3::from(*point));
-    }
-    Err(EntryError::new(place, "the point holds a number that is not finite"))
-}
-
-fn positive_lengths(lengths: &[f64; 3], place: String) -> Result<Vector3<f64>, EntryError> {
-    if lengths.iter().all(|x| *x > 0.0 && x.is_finite()) {
-        return Ok(Vector3::from(*lengths));
-    }
-    Err(EntryError::new(place, format!("expected three positive numbers, found {lengths:?}")))
-}
-
-fn unit_rotation(quaternion: &[f64; 4], place: String) -> Result<Rotation3<f64>, EntryError> {
-    rotation_from_quaternion(*quaternion)
-        .ok_or_else(|| EntryError::new(place, format!("expected a unit quaternion [w, x, y, z], found {quaternion:?}")))
 }
 
 fn status(name: &str, place: String) -> Result<Status, EntryError> {

@@ -8,7 +8,7 @@
 
 mod cue_records;
 mod expected;
-mod object_records;
+pub(crate) mod object_records;
 mod records;
 mod bodies;
 mod images;

@@ -1,10 +1,11 @@
 //! Objects as they are written in a scene file: bodies, and what an estimator reports about them.
 
-use nalgebra::Point3;
-use quadlift::geometry::{Body, Cuboid, Cylinder, Ellipsoid, Superellipsoid, quaternion_from_rotation};
+use nalgebra::{Point3, Vector3};
+use quadlift::geometry::{Body, BodyKind, Ellipsoid, quaternion_from_rotation, rotation_from_quaternion};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::error::EntryError;
 use crate::numbers;
 
 /// An object: a true one, or an estimate with its figures.
@@ -249,72 +250,206 @@ pub struct CovarianceRecord {
     pub extra: Map<String, Value>,
 }
 
-fn list(point: &Point3<f64>) -> [f64; 3] {
-    point.coords.into()
+/// The record of a kind of body.
+pub(crate) trait KindRecord {
+    /// The body, checked; `place` is that of the record in its file.
+    ///
+    /// # Errors
+    /// [`EntryError`] names the first number that makes no body.
+    fn to_body(&self, place: &str) -> Result<Body, EntryError>;
+
+    /// Center, rotation and lengths.
+    fn parts_mut(&mut self) -> (&mut [f64; 3], &mut [f64; 4], Vec<&mut f64>);
+}
+
+impl KindRecord for EllipsoidRecord {
+    fn to_body(&self, place: &str) -> Result<Body, EntryError> {
+        let semi_axes = positive(&self.semi_axes, place, "semi_axes");
+        checked(BodyKind::Ellipsoid, &self.center, semi_axes, &self.rotation, place)
+    }
+
+    fn parts_mut(&mut self) -> (&mut [f64; 3], &mut [f64; 4], Vec<&mut f64>) {
+        (&mut self.center, &mut self.rotation, self.semi_axes.iter_mut().collect())
+    }
+}
+
+impl KindRecord for CuboidRecord {
+    fn to_body(&self, place: &str) -> Result<Body, EntryError> {
+        let half_extents = positive(&self.half_extents, place, "half_extents");
+        checked(BodyKind::Cuboid, &self.center, half_extents, &self.rotation, place)
+    }
+
+    fn parts_mut(&mut self) -> (&mut [f64; 3], &mut [f64; 4], Vec<&mut f64>) {
+        (&mut self.center, &mut self.rotation, self.half_extents.iter_mut().collect())
+    }
+}
+
+impl KindRecord for CylinderRecord {
+    fn to_body(&self, place: &str) -> Result<Body, EntryError> {
+        let ([x, y], z) = (self.radii, self.half_height);
+        if !is_positive(x) || !is_positive(y) {
+            let problem = format!("expected two positive numbers, found {:?}", self.radii);
+            return Err(EntryError::new(format!("{place}.radii"), problem));
+        }
+        if !is_positive(z) {
+            let problem = format!("expected a positive number, found {z:?}");
+            return Err(EntryError::new(format!("{place}.half_height"), problem));
+        }
+        checked(BodyKind::Cylinder, &self.center, Ok(Vector3::new(x, y, z)), &self.rotation, place)
+    }
+
+    fn parts_mut(&mut self) -> (&mut [f64; 3], &mut [f64; 4], Vec<&mut f64>) {
+        let lengths = self.radii.iter_mut().chain([&mut self.half_height]).collect();
+        (&mut self.center, &mut self.rotation, lengths)
+    }
+}
+
+impl KindRecord for SuperellipsoidRecord {
+    fn to_body(&self, place: &str) -> Result<Body, EntryError> {
+        let exponent = self.support_exponent;
+        if !(1.0..=2.0).contains(&exponent) {
+            let problem = format!("{exponent} is not a number from 1 (cuboid) to 2 (ellipsoid)");
+            return Err(EntryError::new(format!("{place}.support_exponent"), problem));
+        }
+        let semi_axes = positive(&self.semi_axes, place, "semi_axes");
+        checked(BodyKind::Superellipsoid(exponent), &self.center, semi_axes, &self.rotation, place)
+    }
+
+    fn parts_mut(&mut self) -> (&mut [f64; 3], &mut [f64; 4], Vec<&mut f64>) {
+        (&mut self.center, &mut self.rotation, self.semi_axes.iter_mut().collect())
+    }
+}
+
+fn checked(
+    kind: BodyKind,
+    center: &[f64; 3],
+    half_extents: Result<Vector3<f64>, EntryError>,
+    rotation: &[f64; 4],
+    place: &str,
+) -> Result<Body, EntryError> {
+    let unit_rotation = || {
+        let problem = format!("expected a unit quaternion [w, x, y, z], found {rotation:?}");
+        rotation_from_quaternion(*rotation).ok_or_else(|| EntryError::new(format!("{place}.rotation"), problem))
+    };
+    let center = finite_point(center, format!("{place}.center"))?;
+    Ok(Body { center, half_extents: half_extents?, rotation: unit_rotation()?, kind })
+}
+
+pub(super) fn finite_point(point: &[f64; 3], place: String) -> Result<Point3<f64>, EntryError> {
+    if point.iter().all(|x| x.is_finite()) {
+        return Ok(Point3::from(*point));
+    }
+    Err(EntryError::new(place, "the point holds a number that is not finite"))
+}
+
+fn is_positive(x: f64) -> bool {
+    x > 0.0 && x.is_finite()
+}
+
+fn positive(lengths: &[f64; 3], place: &str, field: &str) -> Result<Vector3<f64>, EntryError> {
+    if lengths.iter().all(|x| is_positive(*x)) {
+        return Ok(Vector3::from(*lengths));
+    }
+    Err(EntryError::new(format!("{place}.{field}"), format!("expected three positive numbers, found {lengths:?}")))
 }
 
 impl From<&Ellipsoid> for EllipsoidRecord {
     fn from(body: &Ellipsoid) -> Self {
         let (semi_axes, rotation) = (body.semi_axes.into(), quaternion_from_rotation(&body.rotation));
-        Self { center: list(&body.center), semi_axes, rotation, extra: Map::new() }
-    }
-}
-
-impl From<&Cuboid> for CuboidRecord {
-    fn from(body: &Cuboid) -> Self {
-        let (half_extents, rotation) = (body.half_extents.into(), quaternion_from_rotation(&body.rotation));
-        Self { center: list(&body.center), half_extents, rotation, extra: Map::new() }
-    }
-}
-
-impl From<&Cylinder> for CylinderRecord {
-    fn from(body: &Cylinder) -> Self {
-        let (radii, rotation) = (body.radii.into(), quaternion_from_rotation(&body.rotation));
-        Self { center: list(&body.center), radii, half_height: body.half_height, rotation, extra: Map::new() }
-    }
-}
-
-impl From<&Superellipsoid> for SuperellipsoidRecord {
-    fn from(body: &Superellipsoid) -> Self {
-        let (semi_axes, rotation) = (body.semi_axes.into(), quaternion_from_rotation(&body.rotation));
-        let support_exponent = body.support_exponent;
-        Self { center: list(&body.center), semi_axes, rotation, support_exponent, extra: Map::new() }
+        Self { center: body.center.coords.into(), semi_axes, rotation, extra: Map::new() }
     }
 }
 
 impl From<&Body> for BodyRecord {
     fn from(body: &Body) -> Self {
-        match body {
-            Body::Ellipsoid(ellipsoid) => Self::Ellipsoid(ellipsoid.into()),
-            Body::Cuboid(cuboid) => Self::Cuboid(cuboid.into()),
-            Body::Cylinder(cylinder) => Self::Cylinder(cylinder.into()),
-            Body::Superellipsoid(superellipsoid) => Self::Superellipsoid(superellipsoid.into()),
+        let (center, half_extents) = (body.center.coords.into(), body.half_extents.into());
+        let (rotation, extra) = (quaternion_from_rotation(&body.rotation), Map::new());
+        match body.kind {
+            BodyKind::Ellipsoid => {
+                Self::Ellipsoid(EllipsoidRecord { center, semi_axes: half_extents, rotation, extra })
+            }
+            BodyKind::Cuboid => Self::Cuboid(CuboidRecord { center, half_extents, rotation, extra }),
+            BodyKind::Cylinder => {
+                let [x, y, half_height] = half_extents;
+                Self::Cylinder(CylinderRecord { center, radii: [x, y], half_height, rotation, extra })
+            }
+            BodyKind::Superellipsoid(support_exponent) => {
+                let semi_axes = half_extents;
+                Self::Superellipsoid(SuperellipsoidRecord { center, semi_axes, rotation, support_exponent, extra })
+            }
         }
     }
 }
 
+impl BodyRecord {
+    /// The name of the kind, and the record.
+    pub(crate) fn parts(&self) -> (&'static str, &dyn KindRecord) {
+        match self {
+            Self::Ellipsoid(record) => ("ellipsoid", record),
+            Self::Cuboid(record) => ("cuboid", record),
+            Self::Cylinder(record) => ("cylinder", record),
+            Self::Superellipsoid(record) => ("superellipsoid", record),
+        }
+    }
+
+    /// The record.
+    pub(crate) fn record_mut(&mut self) -> &mut dyn KindRecord {
+        match self {
+            Self::Ellipsoid(record) => record,
+            Self::Cuboid(record) => record,
+            Self::Cylinder(record) => record,
+            Self::Superellipsoid(record) => record,
+        }
+    }
+}
+
+/// The name of a kind, the record of the body and that of the enclosing one.
+pub(crate) type NamedRecords<'a> = (&'static str, [Option<&'a dyn KindRecord>; 2]);
+
 impl ObjectRecord {
+    /// The bodies of all kinds, the ellipsoid first.
+    pub(crate) fn bodies(&self) -> [NamedRecords<'_>; 4] {
+        fn of<R: KindRecord>(record: Option<&R>) -> Option<&dyn KindRecord> {
+            record.map(|record| record as _)
+        }
+        [
+            ("ellipsoid", [of(self.ellipsoid.as_ref()), of(self.enclosing_ellipsoid.as_ref())]),
+            ("cuboid", [of(self.cuboid.as_deref()), of(self.enclosing_cuboid.as_deref())]),
+            ("cylinder", [of(self.cylinder.as_deref()), of(self.enclosing_cylinder.as_deref())]),
+            ("superellipsoid", [of(self.superellipsoid.as_deref()), of(self.enclosing_superellipsoid.as_deref())]),
+        ]
+    }
+
+    /// The bodies of all kinds and the enclosing ones.
+    pub(crate) fn bodies_mut(&mut self) -> Vec<&mut dyn KindRecord> {
+        let mut all: Vec<&mut dyn KindRecord> = Vec::new();
+        all.extend(self.ellipsoid.iter_mut().chain(&mut self.enclosing_ellipsoid).map(|record| record as _));
+        all.extend(self.cuboid.iter_mut().chain(&mut self.enclosing_cuboid).map(|record| &mut **record as _));
+        all.extend(self.cylinder.iter_mut().chain(&mut self.enclosing_cylinder).map(|record| &mut **record as _));
+        let superellipsoids = self.superellipsoid.iter_mut().chain(&mut self.enclosing_superellipsoid);
+        all.extend(superellipsoids.map(|record| &mut **record as _));
+        all
+    }
+
     /// Sets the body of its kind and its equivalent ellipsoid.
     pub fn set_body(&mut self, body: &Body) {
         self.ellipsoid = Some((&body.ellipsoid()).into());
-        match body {
-            Body::Ellipsoid(_) => {}
-            Body::Cuboid(cuboid) => self.cuboid = Some(Box::new(cuboid.into())),
-            Body::Cylinder(cylinder) => self.cylinder = Some(Box::new(cylinder.into())),
-            Body::Superellipsoid(superellipsoid) => self.superellipsoid = Some(Box::new(superellipsoid.into())),
+        match body.into() {
+            BodyRecord::Ellipsoid(_) => {}
+            BodyRecord::Cuboid(record) => self.cuboid = Some(Box::new(record)),
+            BodyRecord::Cylinder(record) => self.cylinder = Some(Box::new(record)),
+            BodyRecord::Superellipsoid(record) => self.superellipsoid = Some(Box::new(record)),
         }
     }
 
     /// The same for the enclosing body.
     pub fn set_enclosing_body(&mut self, body: &Body) {
         self.enclosing_ellipsoid = Some((&body.ellipsoid()).into());
-        match body {
-            Body::Ellipsoid(_) => {}
-            Body::Cuboid(cuboid) => self.enclosing_cuboid = Some(Box::new(cuboid.into())),
-            Body::Cylinder(cylinder) => self.enclosing_cylinder = Some(Box::new(cylinder.into())),
-            Body::Superellipsoid(superellipsoid) => {
-                self.enclosing_superellipsoid = Some(Box::new(superellipsoid.into()))
-            }
+        match body.into() {
+            BodyRecord::Ellipsoid(_) => {}
+            BodyRecord::Cuboid(record) => self.enclosing_cuboid = Some(Box::new(record)),
+            BodyRecord::Cylinder(record) => self.enclosing_cylinder = Some(Box::new(record)),
+            BodyRecord::Superellipsoid(record) => self.enclosing_superellipsoid = Some(Box::new(record)),
         }
     }
 }

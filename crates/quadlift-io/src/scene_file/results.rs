@@ -137,7 +137,7 @@ mod tests {
     use super::*;
     use crate::scene_file::SceneFile;
     use nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
-    use quadlift::geometry::{Body, Cuboid, Cylinder, Ellipsoid, Projection, Superellipsoid};
+    use quadlift::geometry::{Body, BodyKind, Ellipsoid, Projection};
     use quadlift::scene::{DetectionInput, SceneBuilder};
     use quadlift::solve::{Covariance, CovarianceCoordinates, Matrix9, Rejection, Status, ViewReport, Warning};
 
@@ -195,10 +195,10 @@ mod tests {
         let (center, lengths) = (Point3::new(1.0, 2.0, 3.0), Vector3::new(0.5, 0.25, 0.125));
         let rotation = Rotation3::from_euler_angles(0.1, -2.0, 3.0);
         let bodies = [
-            Body::Ellipsoid(Ellipsoid { center, semi_axes: lengths, rotation }),
-            Body::Cuboid(Cuboid { center, half_extents: lengths, rotation }),
-            Body::Superellipsoid(Superellipsoid { center, semi_axes: lengths, rotation, support_exponent: 1.5 }),
-            Body::Cylinder(Cylinder::from_half_extents(center, lengths, rotation)),
+            Body::from(Ellipsoid { center, semi_axes: lengths, rotation }),
+            Body { kind: BodyKind::Cuboid, center, half_extents: lengths, rotation },
+            Body { kind: BodyKind::Superellipsoid(1.5), center, half_extents: lengths, rotation },
+            Body { center, half_extents: lengths, rotation, kind: BodyKind::Cylinder },
         ];
         let estimates: Vec<_> = bodies.into_iter().enumerate().map(|(i, body)| estimate(i, body)).collect();
         let localization = Localization { estimates: estimates.clone(), ..Default::default() };
@@ -215,21 +215,20 @@ mod tests {
             assert_eq!(object.status, Some(Status::Ok));
             assert_eq!(object.center, estimate.center);
             assert_eq!(object.covariance, estimate.covariance);
-            assert!(close(&object.ellipsoid.unwrap(), &estimate.ellipsoid().unwrap()));
-            assert!(close(&object.enclosing_ellipsoid.unwrap(), &estimate.enclosing_ellipsoid().unwrap()));
+            assert!(close(&object.ellipsoid().unwrap(), &estimate.ellipsoid().unwrap()));
+            assert!(close(&object.enclosing_ellipsoid().unwrap(), &estimate.enclosing_ellipsoid().unwrap()));
         }
         for (object, record) in objects.iter().zip(&back.objects) {
             assert_eq!(record.to_alternatives("").unwrap(), [(object.body().unwrap(), -0.5)]);
         }
-        assert_eq!(objects[1].cuboid.unwrap().half_extents, lengths);
-        assert_eq!(objects[1].enclosing_cuboid.unwrap().half_extents, lengths * 1.25);
-        assert_eq!(objects[2].superellipsoid.unwrap().support_exponent, 1.5);
-        assert_eq!(objects[2].enclosing_superellipsoid.unwrap().semi_axes, lengths * 1.25);
-        let can = objects[3].cylinder.unwrap();
-        assert_eq!((can.half_extents(), can.half_height), (lengths, 0.125));
-        assert_eq!(objects[3].enclosing_cylinder.unwrap().half_extents(), lengths * 1.25);
-        assert!(matches!(objects[3].body(), Some(Body::Cylinder(_))) && objects[0].cylinder.is_none());
-        assert!(objects[0].cuboid.is_none() && objects[0].superellipsoid.is_none());
+        for (object, estimate) in objects.iter().zip(&estimates).skip(1) {
+            let (body, enclosing) = (object.body().unwrap(), object.enclosing_body().unwrap());
+            assert_eq!((Some(body.kind), body.half_extents), (estimate.body.map(|body| body.kind), lengths));
+            assert_eq!((enclosing.kind, enclosing.half_extents), (body.kind, lengths * 1.25));
+        }
+        assert_eq!(objects[1].cuboid().unwrap().half_extents, lengths);
+        assert!(objects[0].cuboid().is_none() && objects[0].bodies.len() == 1);
+        assert_eq!(back.objects[3].cylinder.as_ref().unwrap().half_height, 0.125);
         let record = &back.objects[0];
         assert_eq!((record.views_used, record.residual_px), (Some(1), Some(1.5)));
         assert_eq!(record.views_rejected, ["f1"]);

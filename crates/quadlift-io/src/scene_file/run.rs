@@ -1,9 +1,9 @@
 //! What a run leaves in a file: noise levels, refined poses.
 
 use quadlift::Localization;
-use quadlift::geometry::{CamFromWorld, Projection};
+use quadlift::geometry::{BodyKind, CamFromWorld, Projection};
 use quadlift::nalgebra::Matrix3x4;
-use quadlift::solve::{BodyKind, Estimate, Sigmas, Status};
+use quadlift::solve::{Estimate, Sigmas, Status};
 use serde_json::{Value, json};
 
 use super::records::SceneFile;

@@ -2,29 +2,23 @@
 
 use std::fmt;
 
+use quadlift::geometry::BodyKind;
 use serde::de::{DeserializeSeed, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
 /// Maximum number of values in unknown fields and in `localization`: about a gigabyte while reading.
 pub(super) const MOST_VALUES: usize = 10_000_000;
 
-/// Fields that hold records or lists of them, whose fields may be unknown in their turn.
-const RECORDS: [&str; 26] = [
+/// Fields that hold records or lists of them, whose fields may be unknown in their turn; also the names of the kinds of bodies.
+const RECORDS: [&str; 18] = [
     "alternatives",
     "box3d",
     "cameras",
     "covariance",
     "cross_validation",
-    "cuboid",
-    "cylinder",
     "depth",
     "detections",
     "ellipse",
-    "ellipsoid",
-    "enclosing_cuboid",
-    "enclosing_cylinder",
-    "enclosing_ellipsoid",
-    "enclosing_superellipsoid",
     "frames",
     "mask",
     "misfit",
@@ -34,7 +28,6 @@ const RECORDS: [&str; 26] = [
     "rle",
     "sd",
     "segmentation",
-    "superellipsoid",
     "view_residuals_px",
 ];
 
@@ -173,16 +166,21 @@ impl Visitor<'_> for FieldVisitor {
 
     fn visit_str<E: Error>(self, name: &str) -> Result<Field, E> {
         Ok(match name {
-            name if RECORDS.contains(&name) => Field::Records,
+            name if RECORDS.contains(&name) || is_body(name) => Field::Records,
             name if PLAIN.contains(&name) => Field::Plain,
             _ => Field::Other,
         })
     }
 }
 
+/// Whether a field of an object holds a body.
+fn is_body(name: &str) -> bool {
+    let kind = name.strip_prefix("enclosing_").unwrap_or(name);
+    BodyKind::ALL.iter().any(|known| known.name() == kind)
+}
+
 #[cfg(test)]
 mod tests {
-    use quadlift::solve::BodyKind;
     use quadlift::synthetic::{Observations, SyntheticOptions, generate};
     use serde_json::json;
 
@@ -209,7 +207,7 @@ mod tests {
     fn what_is_known_does_not_count() {
         let made = SyntheticOptions { objects: 3, views: 6, observations: Observations::Boxes, ..Default::default() };
         let scene = generate(&made).unwrap().scene;
-        for kind in [BodyKind::Ellipsoid, BodyKind::Cuboid, BodyKind::Cylinder, BodyKind::Superellipsoid(1.5)] {
+        for kind in BodyKind::ALL {
             let mut options = quadlift::LocalizeOptions::default();
             options.method.map_options_mut().unwrap().body = Some(kind);
             options.cross_validation.extent = quadlift::cross_validation::Extent::All;

@@ -7,7 +7,7 @@ use std::fmt::Write;
 
 use super::format::{ExportFormat, Writer};
 use super::views::SeenObject;
-use super::{CheckedScene, Document, Placement, numbers_for};
+use super::{CheckedScene, Document, numbers_for};
 
 /// Millimeters in a meter.
 const MM: f64 = 1000.0;
@@ -35,9 +35,9 @@ pub(super) fn bop_results(scene: &CheckedScene, scene_id: u64, only_detected: bo
     let mut rows = 0;
     for SeenObject { frame_index, object_index, .. } in scene.seen_objects(only_detected) {
         let Some(pose) = scene.scene.frames[frame_index].projection.camera_pose() else { continue };
-        let placement = Placement::from(&scene.objects[object_index].body);
-        let rotation = pose.matrix().fixed_columns::<3>(0) * placement.rotation.matrix();
-        let translation = pose.matrix() * placement.center.to_homogeneous() * meters * MM;
+        let body = &scene.objects[object_index].body;
+        let rotation = pose.matrix().fixed_columns::<3>(0) * body.rotation.matrix();
+        let translation = pose.matrix() * body.center.to_homogeneous() * meters * MM;
         let object = models.as_ref().map_or(object_index as u64 + 1, |models| models[object_index]);
         // By rows; writing to text cannot fail.
         let _ = writeln!(

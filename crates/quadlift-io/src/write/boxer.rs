@@ -10,7 +10,7 @@ use super::format::{ExportFormat, Writer};
 use super::scores::Scores;
 use super::stamps::stamps;
 use super::views::SeenObject;
-use super::{CheckedScene, Document, Placement, numbers_for};
+use super::{CheckedScene, Document, numbers_for};
 
 /// The columns.
 const HEADER: &str = "time_ns,tx_world_object,ty_world_object,tz_world_object,qw_world_object,qx_world_object,qy_world_object,\
@@ -44,10 +44,10 @@ pub(super) fn boxer(scene: &CheckedScene, only_detected: bool) -> Document {
     let mut text = format!("{HEADER}\n");
     for SeenObject { frame_index, object_index, .. } in &seen {
         let object = &scene.objects[*object_index];
-        let placement = Placement::from(&object.body);
-        let position = placement.center.coords * meters;
-        let size = placement.half_extents * (2.0 * meters);
-        let rotation = quaternion_from_rotation(&placement.rotation);
+        let body = &object.body;
+        let position = body.center.coords * meters;
+        let size = body.half_extents * (2.0 * meters);
+        let rotation = quaternion_from_rotation(&body.rotation);
         let numbers = position.iter().chain(&rotation).chain(size.iter());
         // No "-0".
         let numbers: Vec<String> = numbers.map(|x| (x + 0.0).to_string()).collect();

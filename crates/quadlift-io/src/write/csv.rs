@@ -2,10 +2,10 @@
 //! empty. A text that a spreadsheet would take for a formula has an apostrophe before it.
 
 use csv::Writer as CsvWriter;
-use quadlift::geometry::{Body, quaternion_from_rotation};
+use quadlift::geometry::quaternion_from_rotation;
 
+use super::Document;
 use super::format::{ExportFormat, Writer};
-use super::{Document, Placement};
 use crate::error::EntryError;
 use crate::scene_file::{ObjectBodies, ObjectRecord, SceneFile};
 
@@ -71,20 +71,13 @@ pub(super) fn views_csv(file: &SceneFile) -> Document {
 }
 
 fn object_row(record: &ObjectRecord, bodies: &ObjectBodies, unit: &str) -> [String; 24] {
-    let placement = bodies.body().map(|body| Placement::from(&body));
-    let enclosing = bodies.enclosing_body().map(|body| Placement::from(&body));
+    let body = bodies.body();
     let [x, y, z] = three(bodies.center.map(|center| center.coords.into()));
-    let [a, b, c] = three(placement.map(|p| p.half_extents.into()));
-    let [p, q, r] = three(enclosing.map(|p| p.half_extents.into()));
-    let [qw, qx, qy, qz] = placement
-        .map_or_else(Default::default, |p| quaternion_from_rotation(&p.rotation).map(|number| number.to_string()));
-    let (kind, exponent) = match bodies.body() {
-        Some(Body::Ellipsoid(_)) => ("ellipsoid", None),
-        Some(Body::Cuboid(_)) => ("cuboid", None),
-        Some(Body::Cylinder(_)) => ("cylinder", None),
-        Some(Body::Superellipsoid(body)) => ("superellipsoid", Some(body.support_exponent)),
-        None => ("", None),
-    };
+    let [a, b, c] = three(body.map(|body| body.half_extents.into()));
+    let [p, q, r] = three(bodies.enclosing_body().map(|body| body.half_extents.into()));
+    let [qw, qx, qy, qz] = body.map_or_else(Default::default, |body| {
+        quaternion_from_rotation(&body.rotation).map(|number| number.to_string())
+    });
     let estimated = record.views_used.is_some();
     [
         no_formula(&record.id),
@@ -95,7 +88,7 @@ fn object_row(record: &ObjectRecord, bodies: &ObjectBodies, unit: &str) -> [Stri
         y,
         z,
         text(&record.center_sd),
-        kind.to_owned(),
+        body.map(|body| body.kind.name().to_owned()).unwrap_or_default(),
         a,
         b,
         c,
@@ -103,7 +96,7 @@ fn object_row(record: &ObjectRecord, bodies: &ObjectBodies, unit: &str) -> [Stri
         qx,
         qy,
         qz,
-        text(&exponent),
+        text(&body.and_then(|body| body.kind.parameter())),
         p,
         q,
         r,

@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 use super::format::{ExportFormat, Writer};
 use super::geodesy::{Place, Tangent};
 use super::scores::Scores;
-use super::{CheckedScene, Document, Object, Placement};
+use super::{CheckedScene, Document, Object};
 use crate::error::EntryError;
 use crate::scene_file::REFERENCE;
 use crate::wording::count;
@@ -162,7 +162,7 @@ fn point(
     score: Option<f64>,
 ) -> Value {
     let height = (object.body.support(&world.up) + object.body.support(&-world.up)) * world.meters;
-    let size = Placement::from(&object.body).half_extents * (2.0 * world.meters);
+    let size = object.body.half_extents * (2.0 * world.meters);
     let mut properties = Map::new();
     let mut set = |key: &str, value: Value| properties.insert(key.to_owned(), value);
     set("kind", json!("object"));

@@ -6,12 +6,11 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Rotation3, Unit, Vector3};
-use quadlift::geometry::quaternion_from_rotation;
+use quadlift::geometry::{Body, Mesh, quaternion_from_rotation};
 use serde_json::{Value, json};
 
 use super::format::{ExportFormat, Writer};
-use super::mesh::{normal, unit_body};
-use super::{CheckedScene, Document, Object, Placement, Shape, colors};
+use super::{CheckedScene, Document, Object, colors};
 
 /// How opaque the bodies are.
 const ALPHA: f64 = 0.5;
@@ -50,24 +49,21 @@ pub(super) fn glb(scene: &CheckedScene, frustum_depth: Option<f64>) -> Document 
         .collect();
     let category_indices = scene.category_indices();
     // One mesh for each shape and category; all categories share the numbers of a shape.
-    let mut shapes: BTreeMap<u64, Value> = BTreeMap::new();
-    let mut mesh_of: BTreeMap<(u64, usize), usize> = BTreeMap::new();
+    let mut shapes: BTreeMap<(&str, u64), Value> = BTreeMap::new();
+    let mut mesh_of: BTreeMap<((&str, u64), usize), usize> = BTreeMap::new();
     for object in &scene.objects {
-        let placement = Placement::from(&object.body);
-        // A number for each shape; that of a cylinder is none of an exponent.
-        let shape = match placement.shape {
-            Shape::Exponent(exponent) => exponent.to_bits(),
-            Shape::Cylinder => 0,
-        };
+        let body = &object.body;
+        let kind = body.kind.simplest();
+        let shape = (kind.name(), kind.exponent().to_bits());
         let category = category_indices[object.category_name()];
-        let geometry = shapes.entry(shape).or_insert_with(|| parts.add_unit_body(placement.shape));
+        let geometry = shapes.entry(shape).or_insert_with(|| parts.add_mesh(&kind.mesh()));
         let mesh = *mesh_of.entry((shape, category)).or_insert_with(|| {
             let mut primitive = geometry.clone();
             primitive["material"] = json!(category);
             parts.meshes.push(json!({ "name": categories[category], "primitives": [primitive] }));
             parts.meshes.len() - 1
         });
-        nodes.push(object_node(object, &placement, mesh));
+        nodes.push(object_node(object, body, mesh));
     }
     let frusta = scene.frusta(frustum_depth);
     if !frusta.is_empty() {
@@ -112,13 +108,13 @@ pub(super) fn glb(scene: &CheckedScene, frustum_depth: Option<f64>) -> Document 
     }
 }
 
-fn object_node(object: &Object, placement: &Placement, mesh: usize) -> Value {
-    let (translation, scale): ([f64; 3], [f64; 3]) = (placement.center.coords.into(), placement.half_extents.into());
+fn object_node(object: &Object, body: &Body, mesh: usize) -> Value {
+    let (translation, scale): ([f64; 3], [f64; 3]) = (body.center.coords.into(), body.half_extents.into());
     json!({
         "name": object.id,
         "mesh": mesh,
         "translation": translation,
-        "rotation": quaternion(&placement.rotation),
+        "rotation": quaternion(&body.rotation),
         "scale": scale,
         "extras": { "id": object.id, "category": object.category },
     })
@@ -177,18 +173,13 @@ struct Parts {
 
 impl Parts {
     /// A primitive without a material.
-    fn add_unit_body(&mut self, shape: Shape) -> Value {
-        let mesh = unit_body(shape);
+    fn add_mesh(&mut self, mesh: &Mesh) -> Value {
         let mut attributes = json!({ "POSITION": self.add_vectors(&mesh.vertices, true) });
-        // Without normals a viewer shades the faces flat, as a cuboid's shall be, and those of a
-        // cylinder may.
-        if let Shape::Exponent(support_exponent) = shape
-            && support_exponent > 1.0
-        {
-            let normals: Vec<_> = mesh.vertices.iter().map(|vertex| normal(vertex, support_exponent)).collect();
-            attributes["NORMAL"] = self.add_vectors(&normals, false);
+        // Without normals a viewer shades the faces flat.
+        if !mesh.normals.is_empty() {
+            attributes["NORMAL"] = self.add_vectors(&mesh.normals, false);
         }
-        let indices = self.add_indices(mesh.triangles.into_iter().flatten().collect());
+        let indices = self.add_indices(mesh.triangles.iter().flatten().copied().collect());
         json!({ "attributes": attributes, "indices": indices })
     }
 

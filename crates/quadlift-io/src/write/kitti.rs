@@ -13,7 +13,7 @@ use quadlift::geometry::{CamFromWorld, ConvexBody};
 
 use super::format::{ExportFormat, Writer};
 use super::views::SeenObject;
-use super::{CheckedScene, Document, Object, Placement, numbers_for};
+use super::{CheckedScene, Document, Object, numbers_for};
 use crate::read::kitti::read_cam_from_rect;
 
 /// Options that a scene does not contain.
@@ -92,16 +92,16 @@ struct UprightBox {
 impl UprightBox {
     fn around(object: &Object, pose: &CamFromWorld, meters: f64, rect_from_cam: &Matrix4<f64>) -> Self {
         let rotation = pose.matrix().fixed_columns::<3>(0).into_owned();
-        let placement = Placement::from(&object.body);
-        let axes = rotation * placement.rotation.matrix();
+        let body = &object.body;
+        let axes = rotation * body.rotation.matrix();
         // The two axes that are flatter in the camera, the longer one of them first.
         let mut flat = [0, 1, 2];
         flat.sort_by(|&a, &b| axes[(1, a)].abs().total_cmp(&axes[(1, b)].abs()));
-        let along = if placement.half_extents[flat[0]] >= placement.half_extents[flat[1]] { flat[0] } else { flat[1] };
+        let along = if body.half_extents[flat[0]] >= body.half_extents[flat[1]] { flat[0] } else { flat[1] };
         let length = Vector3::new(axes[(0, along)], 0.0, axes[(2, along)]).normalize();
         let (height, width) = (Vector3::y(), length.cross(&Vector3::y()));
         let reach = |direction: &Vector3<f64>| meters * object.body.support(&(rotation.transpose() * direction));
-        let center = (rotation * placement.center.coords + pose.matrix().column(3)) * meters;
+        let center = (rotation * body.center.coords + pose.matrix().column(3)) * meters;
         let bottom = rect_from_cam.transform_point(&(center + height * reach(&height)).into());
         Self {
             size: [height, width, length].map(|direction| 2.0 * reach(&direction)),
@@ -123,7 +123,7 @@ mod tests {
     use crate::read::kitti_labels::parse_labels;
     use crate::scene_file::SceneFile;
     use nalgebra::{Point3, Rotation3};
-    use quadlift::geometry::{Body, Cuboid};
+    use quadlift::geometry::{Body, BodyKind};
 
     fn labels(file: &SceneFile, options: &KittiLabelOptions) -> (String, Vec<String>) {
         let document = kitti_labels(&CheckedScene::new(file, BodyChoice::Tangent).unwrap(), options);
@@ -144,8 +144,13 @@ mod tests {
         file.length_unit = Some("mm".into());
         let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), 0.7)
             * Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
-        let cuboid = Cuboid { center: Point3::new(1.0, 2.0, 3.0), half_extents: Vector3::new(1.0, 0.4, 0.3), rotation };
-        file.objects[1].set_body(&Body::Cuboid(cuboid));
+        let cuboid = Body {
+            kind: BodyKind::Cuboid,
+            center: Point3::new(1.0, 2.0, 3.0),
+            half_extents: Vector3::new(1.0, 0.4, 0.3),
+            rotation,
+        };
+        file.objects[1].set_body(&cuboid);
         let mut shift = Matrix4::identity();
         shift[(0, 3)] = 0.06;
         let options = KittiLabelOptions { cam_from_rect: Some(shift), ..KittiLabelOptions::default() };
@@ -174,8 +179,13 @@ mod tests {
     fn a_tilted_body_is_held_by_its_box() {
         let mut file = test_scene::three_bodies();
         let rotation = Rotation3::from_euler_angles(0.4, -0.3, 1.0);
-        let cuboid = Cuboid { center: Point3::origin(), half_extents: Vector3::new(0.3, 1.0, 0.4), rotation };
-        file.objects[1].set_body(&Body::Cuboid(cuboid));
+        let cuboid = Body {
+            kind: BodyKind::Cuboid,
+            center: Point3::origin(),
+            half_extents: Vector3::new(0.3, 1.0, 0.4),
+            rotation,
+        };
+        file.objects[1].set_body(&cuboid);
         let (text, _) = labels(&file, &KittiLabelOptions::default());
         let labels = parse_labels("labels.txt".as_ref(), text.as_bytes()).unwrap();
         let pose = file.to_scene().unwrap().frames[0].projection.camera_pose().unwrap();

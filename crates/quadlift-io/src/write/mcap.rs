@@ -6,13 +6,13 @@
 use std::collections::{BTreeMap, HashMap};
 
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion};
-use quadlift::geometry::{CameraModel, quaternion_from_rotation};
+use quadlift::geometry::{Body, CameraModel, Primitive, quaternion_from_rotation};
 
 use super::format::{ExportFormat, Writer};
 use super::ros::pose_covariance;
 use super::scores::Scores;
 use super::stamps::{SECOND, stamps};
-use super::{CheckedScene, Document, Object, Placement, Shape, colors};
+use super::{CheckedScene, Document, Object, colors};
 use crate::mcap::{CdrWriter, LogWriter, definition};
 use crate::read::from_rows;
 use crate::scene_file::{CameraRecord, DetectionRecord};
@@ -251,21 +251,21 @@ impl<'a> Log<'_, 'a> {
         let objects: Vec<&Object> = objects.collect();
         header(message, stamp, self.frame_id).u32(objects.len() as u32);
         for object in objects {
-            let placement = Placement::from(&object.body);
-            let covariance = object.covariance.as_ref().map(|c| pose_covariance(c, &placement, self.meters));
+            let body = &object.body;
+            let covariance = object.covariance.as_ref().map(|c| pose_covariance(c, body, self.meters));
             header(message, stamp, self.frame_id).u32(1);
             message.text(object.category_name()).f64(self.scores.get(&object.id, frame));
-            self.pose(message, &placement);
+            self.pose(message, body);
             // In ROS all zeros mean "unknown".
             message.f64s(covariance.unwrap_or_default().transpose().iter().copied());
-            self.pose(message, &placement);
-            message.f64s((placement.half_extents * (2.0 * self.meters)).iter().copied()).text(&object.id);
+            self.pose(message, body);
+            message.f64s((body.half_extents * (2.0 * self.meters)).iter().copied()).text(&object.id);
         }
     }
 
-    fn pose(&self, message: &mut CdrWriter, placement: &Placement) {
-        let [w, x, y, z] = quaternion_from_rotation(&placement.rotation);
-        message.f64s(placement.center.coords.iter().map(|x| x * self.meters)).f64s([x, y, z, w]);
+    fn pose(&self, message: &mut CdrWriter, body: &Body) {
+        let [w, x, y, z] = quaternion_from_rotation(&body.rotation);
+        message.f64s(body.center.coords.iter().map(|x| x * self.meters)).f64s([x, y, z, w]);
     }
 
     /// A body and a label for each wanted object, after a marker that removes those before if they are replaced.
@@ -287,13 +287,12 @@ impl<'a> Log<'_, 'a> {
             rest(&mut message, "");
         }
         for (id, object) in (0..).zip(objects) {
-            let placement = Placement::from(&object.body);
-            let size = placement.half_extents * (2.0 * self.meters);
-            let kind = match placement.shape {
-                Shape::Cylinder => CYLINDER,
-                // The nearest to a rounded body.
-                Shape::Exponent(exponent) if exponent > 1.5 => SPHERE,
-                Shape::Exponent(_) => CUBE,
+            let body = &object.body;
+            let size = body.half_extents * (2.0 * self.meters);
+            let kind = match body.kind.primitive() {
+                Primitive::Ball => SPHERE,
+                Primitive::Cube => CUBE,
+                Primitive::Cylinder => CYLINDER,
             };
             let index = categories.get(object.category_name()).copied().unwrap_or_default();
             let [r, g, b] = colors::of_category(index).map(|byte| f32::from(byte) / 255.0);
@@ -302,13 +301,13 @@ impl<'a> Log<'_, 'a> {
                 message.i32(ADD);
             };
             marker(&mut message, "objects", kind);
-            self.pose(&mut message, &placement);
+            self.pose(&mut message, body);
             message.f64s(size.iter().copied()).f32(r).f32(g).f32(b).f32(0.6);
             rest(&mut message, "");
             marker(&mut message, "labels", TEXT);
-            let reach = (placement.rotation.matrix().abs() * placement.half_extents * self.meters).z;
+            let reach = (body.rotation.matrix().abs() * body.half_extents * self.meters).z;
             let height = 0.3 * size.max().min(1.0);
-            let center = placement.center.coords * self.meters;
+            let center = body.center.coords * self.meters;
             message.f64s([center.x, center.y, center.z + reach + height, 0.0, 0.0, 0.0, 1.0]);
             message.f64s([0.0, 0.0, height]).f32(1.0).f32(1.0).f32(1.0).f32(1.0);
             rest(&mut message, &format!("{} {}", object.category_name(), object.id));

@@ -7,7 +7,6 @@
 mod colors;
 mod frusta;
 pub mod geodesy;
-mod mesh;
 mod options;
 mod format;
 mod cameras;
@@ -32,7 +31,7 @@ pub(crate) mod test_scene;
 
 use std::collections::{BTreeMap, HashSet};
 
-use nalgebra::{Point3, Rotation3, Vector3};
+use nalgebra::Point3;
 use quadlift::geometry::{Body, ConvexBody};
 use quadlift::scene::Scene;
 use quadlift::solve::Covariance;
@@ -160,37 +159,6 @@ impl Object {
     }
 }
 
-/// A body as a stretched, turned and moved body of half extents one.
-#[derive(Debug, Clone, Copy)]
-struct Placement {
-    center: Point3<f64>,
-    /// Semi-axes, or half the extents of a cuboid, along the columns of the rotation.
-    half_extents: Vector3<f64>,
-    rotation: Rotation3<f64>,
-    shape: Shape,
-}
-
-/// The shape of a body whose half extents are one.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Shape {
-    /// By the exponent of the support function: 1 cube, 2 ball.
-    Exponent(f64),
-    /// A cylinder about the third axis.
-    Cylinder,
-}
-
-impl From<&Body> for Placement {
-    fn from(body: &Body) -> Self {
-        let shape = match body {
-            Body::Ellipsoid(_) => Shape::Exponent(2.0),
-            Body::Cuboid(_) => Shape::Exponent(1.0),
-            Body::Cylinder(_) => Shape::Cylinder,
-            Body::Superellipsoid(body) => Shape::Exponent(body.support_exponent),
-        };
-        Self { center: body.center(), half_extents: body.half_extents(), rotation: body.rotation(), shape }
-    }
-}
-
 /// Whole numbers for names: those in the names (after a prefix that they may have) where all of them are different
 /// numbers, their positions otherwise. Also whether it is the latter.
 fn numbers_for<'a>(names: impl Iterator<Item = &'a str> + Clone, prefix: &str) -> (Vec<u64>, bool) {
@@ -206,6 +174,7 @@ fn numbers_for<'a>(names: impl Iterator<Item = &'a str> + Clone, prefix: &str) -
 mod tests {
     use super::*;
     use crate::scene_file::ObjectRecord;
+    use quadlift::geometry::BodyKind;
 
     #[test]
     fn names_that_are_numbers_stay() {
@@ -220,15 +189,13 @@ mod tests {
         let mut file = test_scene::three_bodies();
         file.objects.push(ObjectRecord { id: "lost".into(), ..ObjectRecord::default() });
         let checked = CheckedScene::new(&file, BodyChoice::Tangent).unwrap();
-        let shapes: Vec<Shape> = checked.objects.iter().map(|o| Placement::from(&o.body).shape).collect();
-        assert_eq!(shapes, [2.0, 1.0, 1.5].map(Shape::Exponent));
+        let kinds: Vec<BodyKind> = checked.objects.iter().map(|object| object.body.kind).collect();
+        assert_eq!(kinds, [BodyKind::Ellipsoid, BodyKind::Cuboid, BodyKind::Superellipsoid(1.5)]);
         assert_eq!((checked.bodies(), checked.without_body()), (3, &["lost".to_owned()][..]));
         assert_eq!(checked.categories(), ["cup", "box"]);
         let enclosing = CheckedScene::new(&file, BodyChoice::Enclosing).unwrap();
-        let factor = |k: usize| {
-            let half = |scene: &CheckedScene| Placement::from(&scene.objects[k].body).half_extents.x;
-            half(&enclosing) / half(&checked)
-        };
+        let half = |scene: &CheckedScene, k: usize| scene.objects[k].body.half_extents.x;
+        let factor = |k: usize| half(&enclosing, k) / half(&checked, k);
         // The last one has no enclosing body.
         assert_eq!([factor(0), factor(1), factor(2)], [1.25, 1.25, 1.0]);
         file.objects[0].ellipsoid.as_mut().unwrap().semi_axes[1] = -1.0;

@@ -6,8 +6,7 @@
 use nalgebra::Point3;
 
 use super::format::{ExportFormat, Writer};
-use super::mesh::unit_body;
-use super::{CheckedScene, Document, Placement, colors};
+use super::{CheckedScene, Document, colors};
 
 /// Faces of a frustum as indices of its five points: its center and the corners of the image.
 const FRUSTUM: [[u32; 3]; 6] = [[0, 2, 1], [0, 3, 2], [0, 4, 3], [0, 1, 4], [1, 2, 3], [1, 3, 4]];
@@ -29,9 +28,9 @@ pub(super) fn ply(scene: &CheckedScene, frustum_depth: Option<f64>) -> Document 
     let mut mesh = ColoredMesh::default();
     let category_indices = scene.category_indices();
     for object in &scene.objects {
-        let placement = Placement::from(&object.body);
-        let unit = unit_body(placement.shape);
-        let vertices = unit.vertices.iter().map(|vertex| placement.to_world(vertex));
+        let body = &object.body;
+        let unit = body.kind.mesh();
+        let vertices = unit.vertices.iter().map(|v| body.center + body.rotation * v.component_mul(&body.half_extents));
         let [r, g, b] = colors::of_category(category_indices[object.category_name()]);
         mesh.add(vertices, [r, g, b, ALPHA[0]], &unit.triangles);
     }

@@ -6,12 +6,12 @@
 use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
-use quadlift::geometry::quaternion_from_rotation;
+use quadlift::geometry::{Body, quaternion_from_rotation};
 use quadlift::solve::{Covariance, CovarianceCoordinates};
 use serde_json::{Value, json};
 
 use super::format::{ExportFormat, Writer};
-use super::{CheckedScene, Document, Object, Placement};
+use super::{CheckedScene, Document, Object};
 
 type Matrix6 = SMatrix<f64, 6, 6>;
 
@@ -41,21 +41,21 @@ pub(super) fn ros(scene: &CheckedScene, frame_id: &str) -> Document {
 }
 
 fn detection(object: &Object, meters: f64, header: &Value) -> Value {
-    let placement = Placement::from(&object.body);
-    let [w, x, y, z] = quaternion_from_rotation(&placement.rotation);
+    let body = &object.body;
+    let [w, x, y, z] = quaternion_from_rotation(&body.rotation);
     let pose = json!({
-        "position": xyz(&(placement.center.coords * meters)),
+        "position": xyz(&(body.center.coords * meters)),
         "orientation": { "x": x, "y": y, "z": z, "w": w },
     });
     // In ROS all zeros mean "unknown".
-    let covariance = object.covariance.as_ref().map(|c| pose_covariance(c, &placement, meters)).unwrap_or_default();
+    let covariance = object.covariance.as_ref().map(|c| pose_covariance(c, body, meters)).unwrap_or_default();
     json!({
         "header": header,
         "results": [{
             "hypothesis": { "class_id": object.category_name(), "score": 1.0 },
             "pose": { "pose": pose, "covariance": covariance.transpose().as_slice() },
         }],
-        "bbox": { "center": pose, "size": xyz(&(placement.half_extents * (2.0 * meters))) },
+        "bbox": { "center": pose, "size": xyz(&(body.half_extents * (2.0 * meters))) },
         "id": object.id,
     })
 }
@@ -65,8 +65,8 @@ fn xyz(v: &Vector3<f64>) -> Value {
 }
 
 /// Covariance of position (meters) and turns about the world's axes (radians).
-pub(super) fn pose_covariance(covariance: &Covariance, placement: &Placement, meters: f64) -> Matrix6 {
-    let r = placement.rotation.matrix();
+pub(super) fn pose_covariance(covariance: &Covariance, body: &Body, meters: f64) -> Matrix6 {
+    let r = body.rotation.matrix();
     // The turn in the object's frame as a linear function of the six coordinates after the center.
     let turn = match covariance.coordinates {
         CovarianceCoordinates::CenterRotationLogAxes => {
@@ -74,7 +74,7 @@ pub(super) fn pose_covariance(covariance: &Covariance, placement: &Placement, me
             turn.fixed_columns_mut::<3>(0).copy_from(&Matrix3::identity());
             turn
         }
-        CovarianceCoordinates::CenterVechShape => turn_from_shape(placement),
+        CovarianceCoordinates::CenterVechShape => turn_from_shape(body),
     };
     let mut map = SMatrix::<f64, 6, 9>::zeros();
     map.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(meters);
@@ -91,8 +91,8 @@ pub(super) fn pose_covariance(covariance: &Covariance, placement: &Placement, me
 
 /// How an ellipsoid turns in its own frame when `vech A` changes, to first order: `A = R D R^T` gives
 /// `(R^T dA R)_ij = w_ij (D_j - D_i)`, with `w` the antisymmetric matrix of the turn. Infinite for equal axes.
-fn turn_from_shape(placement: &Placement) -> SMatrix<f64, 3, 6> {
-    let (r, a) = (placement.rotation.matrix(), placement.half_extents);
+fn turn_from_shape(body: &Body) -> SMatrix<f64, 3, 6> {
+    let (r, a) = (body.rotation.matrix(), body.half_extents);
     let mut turn = SMatrix::zeros();
     for (column, (k, l)) in [(0, 0), (1, 0), (2, 0), (1, 1), (2, 1), (2, 2)].into_iter().enumerate() {
         let mut change = Matrix3::zeros();
@@ -137,11 +137,11 @@ mod tests {
     fn turns_follow_the_shape_matrix() {
         let rotation = Rotation3::from_euler_angles(0.3, -0.8, 1.1);
         let body = Ellipsoid { center: Point3::origin(), semi_axes: Vector3::new(3.0, 1.0, 2.0), rotation };
-        let placement = Placement::from(&quadlift::geometry::Body::Ellipsoid(body));
-        let jacobian = turn_from_shape(&placement);
+        let body = &Body::from(body);
+        let jacobian = turn_from_shape(body);
         // A small turn about the object's axes, there and back, and what the shape matrix makes of it.
         let turn = Vector3::new(1e-6, -2e-6, 3e-6);
-        let turned = |turn| Ellipsoid { rotation: rotation * Rotation3::new(turn), ..body };
+        let turned = |turn| Body { rotation: rotation * Rotation3::new(turn), ..*body }.inscribed();
         let change = (vech3(&turned(turn).shape()) - vech3(&turned(-turn).shape())) * 0.5;
         assert!((jacobian * change - turn).norm() < 1e-13, "{}", jacobian * change);
     }
@@ -150,21 +150,21 @@ mod tests {
     fn covariances_are_in_meters_about_the_axes_of_the_world() {
         let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
         let body = Ellipsoid { center: Point3::origin(), semi_axes: Vector3::new(3.0, 1.0, 2.0), rotation };
-        let placement = Placement::from(&quadlift::geometry::Body::Ellipsoid(body));
+        let body = &Body::from(body);
         let mut matrix = Matrix9::identity() * 4.0;
         for k in 3..6 {
             matrix[(k, k)] = 0.01 * k as f64;
         }
         let coordinates = CovarianceCoordinates::CenterRotationLogAxes;
-        let found = pose_covariance(&Covariance { coordinates, matrix }, &placement, 0.001);
+        let found = pose_covariance(&Covariance { coordinates, matrix }, body, 0.001);
         // The object's x axis is the world's y axis.
         let expected = [4e-6, 4e-6, 4e-6, 0.04, 0.03, 0.05];
         assert!((found.diagonal() - SMatrix::<f64, 6, 1>::from(expected)).amax() < 1e-12, "{found}");
         // A turn that is hardly known, and a ball.
         matrix[(3, 3)] = 2.0;
-        let vague = pose_covariance(&Covariance { coordinates, matrix }, &placement, 1.0);
+        let vague = pose_covariance(&Covariance { coordinates, matrix }, body, 1.0);
         assert_eq!(vague.diagonal().as_slice()[3..], [UNKNOWN_ANGLE; 3]);
-        let ball = Placement { half_extents: Vector3::repeat(1.0), ..placement };
+        let ball = Body { half_extents: Vector3::repeat(1.0), ..*body };
         let coordinates = CovarianceCoordinates::CenterVechShape;
         let found = pose_covariance(&Covariance { coordinates, matrix: Matrix9::identity() }, &ball, 1.0);
         assert_eq!(found.diagonal().as_slice(), [1.0, 1.0, 1.0, UNKNOWN_ANGLE, UNKNOWN_ANGLE, UNKNOWN_ANGLE]);

@@ -1,7 +1,7 @@
 //! A scene for the tests of the writers: an ellipsoid, a cuboid and a superellipsoid before two cameras.
 
 use nalgebra::{Point3, Rotation3, Vector3};
-use quadlift::geometry::{Body, Cuboid, Ellipsoid, Superellipsoid};
+use quadlift::geometry::{Body, BodyKind, Ellipsoid};
 
 use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, ObjectRecord, SceneFile, ViewRecord};
 
@@ -20,18 +20,22 @@ pub(crate) fn three_bodies() -> SceneFile {
     let turn = |angle: f64| Rotation3::from_axis_angle(&Vector3::z_axis(), angle);
     let ellipsoid =
         Ellipsoid { center: Point3::new(1.0, 0.5, 0.0), semi_axes: Vector3::new(0.5, 0.25, 0.75), rotation: turn(0.0) };
-    let cuboid =
-        Cuboid { center: Point3::new(-1.0, 0.0, 0.5), half_extents: Vector3::new(1.0, 0.5, 0.25), rotation: turn(0.5) };
-    let superellipsoid = Superellipsoid {
+    let cuboid = Body {
+        kind: BodyKind::Cuboid,
+        center: Point3::new(-1.0, 0.0, 0.5),
+        half_extents: Vector3::new(1.0, 0.5, 0.25),
+        rotation: turn(0.5),
+    };
+    let superellipsoid = Body {
         center: Point3::new(0.0, 1.0, -1.0),
-        semi_axes: Vector3::new(0.5, 0.5, 0.25),
+        half_extents: Vector3::new(0.5, 0.5, 0.25),
         rotation: turn(0.0),
-        support_exponent: 1.5,
+        kind: BodyKind::Superellipsoid(1.5),
     };
     let mut objects = vec![
-        object("1", Some("cup"), Body::Ellipsoid(ellipsoid), Some(1.25)),
-        object("2", Some("box"), Body::Cuboid(cuboid), Some(1.25)),
-        object("tin", Some("cup"), Body::Superellipsoid(superellipsoid), None),
+        object("1", Some("cup"), Body::from(ellipsoid), Some(1.25)),
+        object("2", Some("box"), cuboid, Some(1.25)),
+        object("tin", Some("cup"), superellipsoid, None),
     ];
     objects[0].status = Some("ok".into());
     let view = |frame: &str, residual_px, inlier| ViewRecord {

@@ -98,7 +98,7 @@ pub fn render(options: &RenderOptions) -> Result<RenderedScene, SyntheticError> 
             visible_fractions.push(visible_fraction);
         }
     }
-    let body = |(k, object): (usize, &objects::Object)| (id(k), Body::Ellipsoid(object.envelope()));
+    let body = |(k, object): (usize, &objects::Object)| (id(k), Body::from(object.envelope()));
     let truth = world.objects.iter().enumerate().map(body).collect();
     let (images, labels) = rendered.into_iter().map(|rendering| (rendering.image, rendering.labels)).unzip();
     let outliers = vec![false; values.len()];

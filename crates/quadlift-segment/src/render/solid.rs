@@ -1,7 +1,7 @@
 //! Solids: ellipsoids, cuboids and cylinders, intersected with rays.
 
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
-use quadlift::geometry::{BoundingBox, ConvexBody, Cuboid, Ellipsoid, Projection, ProjectionError};
+use quadlift::geometry::{BoundingBox, ConvexBody, Ellipsoid, Projection, ProjectionError};
 
 use super::texture::{Color, Texture};
 
@@ -91,7 +91,7 @@ impl ConvexBody for Solid {
         let (center, rotation) = (self.center, self.rotation);
         match self.shape {
             Shape::Ellipsoid => Ellipsoid { center, semi_axes: self.half_sizes, rotation }.volume(),
-            Shape::Cuboid => Cuboid { center, half_extents: self.half_sizes, rotation }.volume(),
+            Shape::Cuboid => 8.0 * self.half_sizes.product(),
             Shape::Cylinder => 2.0 * std::f64::consts::PI * self.half_sizes.product(),
         }
     }

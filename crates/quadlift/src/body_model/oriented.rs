@@ -3,62 +3,34 @@
 use nalgebra::{Matrix3, Rotation3, SVector, Vector3};
 
 use super::{BodyModel, LARGEST_ASPECT, MeasuredShape, ShapeDifference, by_length, size_differences};
-use crate::geometry::skew;
+use crate::geometry::{BodyKind, skew};
 use crate::optimize::normal_equations::{NormalEquations, Row};
 
-/// The support function of an oriented body, of `u` in the frame of its axes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Form {
-    /// `sum |a_i u_i|`: a cuboid.
-    Cuboid,
-    /// `(sum |a_i u_i|^q)^(1/q)`: a superellipsoid.
-    Exponent(f64),
-    /// `sqrt((a_1 u_1)^2 + (a_2 u_2)^2) + a_3 |u_3|`: a cylinder.
-    Cylinder,
-}
-
-/// A cuboid, cylinder or superellipsoid: rotation, log semi-axes, and the form of the support function. The shape matrix
+/// A cuboid, cylinder or superellipsoid: rotation, log semi-axes, and the kind with its support function. The shape matrix
 /// does not determine the rotation when axes are equal (a cube).
 #[derive(Debug, Clone)]
 pub(crate) struct OrientedModel {
     center: Vector3<f64>,
     axes: Matrix3<f64>,
     semi_axes: Vector3<f64>,
-    form: Form,
+    kind: BodyKind,
 }
 
 impl OrientedModel {
-    pub(crate) fn new(center: Vector3<f64>, axes: Matrix3<f64>, semi_axes: Vector3<f64>, form: Form) -> Self {
-        Self { center, axes, semi_axes, form }
+    pub(crate) fn new(center: Vector3<f64>, axes: Matrix3<f64>, semi_axes: Vector3<f64>, kind: BodyKind) -> Self {
+        Self { center, axes, semi_axes, kind }
     }
 
-    /// Form of the support function.
-    pub(crate) fn form(&self) -> Form {
-        self.form
-    }
-}
-
-impl Form {
-    /// Semi-axes of a body relative to those of the ellipsoid that touches about the same planes: 1 / 1.4 for a cuboid, 1
-    /// for the ellipsoid itself, in between for a cylinder.
-    pub(crate) fn relative_size(self) -> f64 {
-        match self {
-            Self::Cuboid => 1.0 / 1.4,
-            Self::Exponent(exponent) => 1.4f64.powf(1.0 - 2.0 / exponent),
-            Self::Cylinder => 0.8,
-        }
+    /// Kind of the body.
+    pub(crate) fn kind(&self) -> BodyKind {
+        self.kind
     }
 
     /// The magnitudes of the components of a vector, rounded where the support function has kinks, and their derivatives.
     #[inline]
-    fn magnitudes(self, u: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
-        let width = ROUNDED * u.norm();
-        let exact = |x: f64| (x.abs(), x.signum());
-        let [x, y, z] = match self {
-            Self::Exponent(2.0) => [exact(u.x), exact(u.y), exact(u.z)],
-            Self::Cylinder => [exact(u.x), exact(u.y), rounded(u.z, width)],
-            Self::Cuboid | Self::Exponent(_) => [rounded(u.x, width), rounded(u.y, width), rounded(u.z, width)],
-        };
+    fn magnitudes(&self, u: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+        let (width, kinks) = (ROUNDED * u.norm(), self.kind.kinks());
+        let [x, y, z] = [0, 1, 2].map(|i| if kinks[i] { rounded(u[i], width) } else { (u[i].abs(), u[i].signum()) });
         (Vector3::new(x.0, y.0, z.0), Vector3::new(x.1, y.1, z.1))
     }
 }
@@ -75,9 +47,6 @@ fn rounded(u: f64, width: f64) -> (f64, f64) {
 /// Precision of the rotation of a cylinder about its own axis before anything is known: angles over half a circle have the
 /// variance `pi^2 / 12`. A round base tells nothing more.
 const SPIN_PRECISION: f64 = 1.2;
-
-/// Of the base of a cylinder, half of volume over projected area: `4 / pi`.
-const BASE: f64 = 4.0 * std::f64::consts::FRAC_1_PI;
 
 /// The axis of a body nearest to each axis of a box, and its sign: of all 24 ways to name the axes of a body that keep its
 /// handedness, or of the four that only turn it by half a circle. `cosines` are those between the axes of the box (rows) and
@@ -116,27 +85,9 @@ impl BodyModel for OrientedModel {
         let u = self.axes.tr_mul(n);
         // reach_i = a_i |u_i|, rounded; g_i = dh/du_i = share_i a_i slope_i; dh/dlog a_i = share_i reach_i; dh/dw = g x u for
         // R <- R exp[w]x.
-        let (magnitudes, slopes) = self.form.magnitudes(&u);
+        let (magnitudes, slopes) = self.magnitudes(&u);
         let reach = self.semi_axes.component_mul(&magnitudes);
-        let (h, share) = match self.form {
-            Form::Cuboid | Form::Exponent(1.0) => (reach.sum(), Vector3::repeat(1.0)),
-            Form::Exponent(exponent) => {
-                let largest = reach.max();
-                if largest == 0.0 {
-                    return (0.0, [0.0; 6]);
-                }
-                let relative = reach / largest;
-                let powers = relative.map(|x| x.powf(exponent - 1.0));
-                let sum = powers.dot(&relative);
-                let norm = sum.powf(1.0 / exponent);
-                (largest * norm, powers * (norm / sum))
-            }
-            Form::Cylinder => {
-                let across = reach.xy().norm();
-                let share = if across > 0.0 { reach.xy() / across } else { reach.xy() };
-                (across + reach.z, Vector3::new(share.x, share.y, 1.0))
-            }
-        };
+        let (h, share) = self.kind.support_gradient(&reach);
         let w = share.component_mul(&self.semi_axes).component_mul(&slopes).cross(&u);
         let by_size = share.component_mul(&reach);
         (h, [w.x, w.y, w.z, by_size.x, by_size.y, by_size.z])
@@ -151,7 +102,7 @@ impl BodyModel for OrientedModel {
         let axes = self.axes * turn.matrix();
         let semi_axes = Vector3::from_fn(|i, _| self.semi_axes[i] * step[6 + i].exp());
         let sensible = semi_axes.min() > 0.0 && semi_axes.max() < semi_axes.min() * LARGEST_ASPECT;
-        sensible.then(|| Self { center: self.center + step.fixed_rows::<3>(0), axes, semi_axes, form: self.form })
+        sensible.then(|| Self { center: self.center + step.fixed_rows::<3>(0), axes, semi_axes, kind: self.kind })
     }
 
     fn add_shape_prior(&self, weight: f64, equations: &mut NormalEquations) {
@@ -172,7 +123,7 @@ impl BodyModel for OrientedModel {
     }
 
     fn add_spin_prior(&self, equations: &mut NormalEquations) {
-        if self.form == Form::Cylinder {
+        if self.kind.has_axis() {
             let mut row = [0.0; 9];
             row[5] = 1.0;
             equations.add_row(0.0, &row, SPIN_PRECISION);
@@ -188,24 +139,11 @@ impl BodyModel for OrientedModel {
     }
 
     fn near_side(&self, ray: &Vector3<f64>) -> (f64, [f64; 6]) {
-        // 1 / n with a norm n of x_i = |v_i| / a_i; g_i = dn/dx_i. Of cuboids and cylinders it is the mean over the outline, half
-        // of volume over projected area; superellipsoids lie between cuboid and ellipsoid.
+        // 1 / n with a norm n of x_i = |v_i| / a_i; g_i = dn/dx_i.
         let v = self.axes.tr_mul(ray);
-        let (magnitudes, slopes) = self.form.magnitudes(&v);
+        let (magnitudes, slopes) = self.magnitudes(&v);
         let x = magnitudes.component_div(&self.semi_axes);
-        let (n, g) = match self.form {
-            Form::Cuboid | Form::Exponent(1.0) => (x.sum(), Vector3::repeat(1.0)),
-            Form::Exponent(q) => {
-                let factor = 2f64.powf(1.0 - 1.0 / q);
-                let n = x.map(|x| x.powf(q)).sum().powf(1.0 / q);
-                (factor * n, x.map(|x| factor * (x / n).powf(q - 1.0)))
-            }
-            Form::Cylinder => {
-                let across = x.xy().norm();
-                let g = if across > 0.0 { x.xy() / across * BASE } else { x.xy() };
-                (BASE * across + x.z, Vector3::new(g.x, g.y, 1.0))
-            }
-        };
+        let (n, g) = self.kind.inverse_depth(&x);
         let near = 1.0 / n;
         // d near = -near^2 dn; dx_i/dlog a_i = -x_i; dv = v x w.
         let by_size = g.component_mul(&x) * (near * near);

@@ -72,7 +72,7 @@ mod tests {
 
     fn estimates(views: &[usize]) -> Vec<Estimate> {
         let (center, semi_axes) = (Point3::origin(), Vector3::repeat(1.0));
-        let body = Body::Ellipsoid(Ellipsoid { center, semi_axes, rotation: Rotation3::identity() });
+        let body = Body::from(Ellipsoid { center, semi_axes, rotation: Rotation3::identity() });
         let view = ViewReport::without_body;
         let estimate = |(object, &views): (usize, &usize)| Estimate {
             body: Some(body),

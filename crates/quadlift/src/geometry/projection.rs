@@ -148,7 +148,7 @@ pub(crate) fn support_plane(p: &Matrix3x4<f64>, line: &SupportLine) -> Vector4<f
 
 #[cfg(test)]
 mod tests {
-    use super::super::{CamFromWorld, Cuboid, Intrinsics, Superellipsoid};
+    use super::super::{Body, BodyKind, CamFromWorld, Intrinsics};
     use super::*;
     use nalgebra::Rotation3;
     use proptest::prelude::*;
@@ -207,7 +207,7 @@ mod tests {
         fn the_box_of_a_cuboid_is_the_box_of_its_corners(
             a in -3.0..3.0f64, b in -1.5..1.5f64, x in -3.0..3.0f64, z in -2.0..10.0f64,
         ) {
-            let cuboid = Cuboid {
+            let cuboid = Body { kind: BodyKind::Cuboid,
                 center: Point3::new(x, 0.5, z),
                 half_extents: Vector3::new(1.5, 1.0, 0.7),
                 rotation: Rotation3::from_euler_angles(a, b, 0.2),
@@ -231,8 +231,7 @@ mod tests {
     #[test]
     fn a_superellipsoid_with_exponent_two_is_the_ellipsoid() {
         let e = ellipsoid([0.5, 0.2, -0.3], [1.0, 0.2, 3.0]);
-        let s =
-            Superellipsoid { center: e.center, semi_axes: e.semi_axes, rotation: e.rotation, support_exponent: 2.0 };
+        let s = Body { kind: BodyKind::Superellipsoid(2.0), ..Body::from(e) };
         let (p, q) = (project_bounding_box(&camera(6.0), &e), project_bounding_box(&camera(6.0), &s));
         assert_eq!(p, q);
     }

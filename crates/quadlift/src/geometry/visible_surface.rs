@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector2, Vector3};
 
-use super::Body;
+use super::body::Body;
 use super::bounding_box::BoundingBox;
 use super::camera::Projection;
 use super::convex_body::ConvexBody;
@@ -31,39 +31,14 @@ pub fn visible_depth(projection: &Projection, bounding_box: &BoundingBox, body: 
 
 /// Distance from the camera at which a ray (a unit vector) first meets a body.
 fn first_meeting(body: &Body, camera: &Point3<f64>, ray: &Vector3<f64>) -> Option<f64> {
-    let local =
-        |rotation: &nalgebra::Rotation3<f64>| (rotation.inverse() * (camera - body.center()), rotation.inverse() * ray);
-    match body {
-        Body::Ellipsoid(ellipsoid) => {
-            let (from, along) = local(&ellipsoid.rotation);
-            let (from, along) = (from.component_div(&ellipsoid.semi_axes), along.component_div(&ellipsoid.semi_axes));
-            let (a, b, c) = (along.norm_squared(), from.dot(&along), from.norm_squared() - 1.0);
-            let discriminant = b * b - a * c;
-            (discriminant >= 0.0).then(|| (-b - discriminant.sqrt()) / a)
-        }
-        Body::Cuboid(cuboid) => {
-            let (from, along) = local(&cuboid.rotation);
-            let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
-            for axis in 0..3 {
-                let half = cuboid.half_extents[axis];
-                if along[axis] == 0.0 {
-                    if from[axis].abs() > half {
-                        return None;
-                    }
-                    continue;
-                }
-                let (a, b) = ((-half - from[axis]) / along[axis], (half - from[axis]) / along[axis]);
-                (enter, leave) = (enter.max(a.min(b)), leave.min(a.max(b)));
-            }
-            (enter <= leave).then_some(enter)
-        }
-        Body::Cylinder(_) | Body::Superellipsoid(_) => searched_meeting(body, camera, ray),
-    }
+    let to_local = body.rotation.inverse();
+    let crossing = body.kind.crossing(&(to_local * (camera - body.center)), &(to_local * ray), &body.half_extents);
+    crossing.map_or_else(|| searched_meeting(body, camera, ray), |[enter, leave]| (enter <= leave).then_some(enter))
 }
 
 fn searched_meeting(body: &Body, camera: &Point3<f64>, ray: &Vector3<f64>) -> Option<f64> {
-    let reach = body.half_extents().norm();
-    let start = (body.center() - camera).dot(ray) - reach;
+    let reach = body.half_extents.norm();
+    let start = (body.center - camera).dot(ray) - reach;
     let step = 2.0 * reach / STEPS as f64;
     let is_inside = |t: f64| body.contains(&(camera + ray * t));
     let mut inside = (0..=STEPS).map(|k| start + step * k as f64).find(|t| is_inside(*t))?;
@@ -78,19 +53,16 @@ fn searched_meeting(body: &Body, camera: &Point3<f64>, ray: &Vector3<f64>) -> Op
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Cuboid, Ellipsoid};
+    use crate::geometry::BodyKind;
     use nalgebra::Rotation3;
 
     #[test]
     fn closed_forms_are_what_the_search_finds() {
         let rotation = Rotation3::from_euler_angles(0.3, -0.7, 1.1);
         let (center, sizes) = (Point3::new(0.4, -0.2, 6.0), Vector3::new(2.0, 0.8, 0.5));
-        let bodies = [
-            Body::Ellipsoid(Ellipsoid { center, semi_axes: sizes, rotation }),
-            Body::Cuboid(Cuboid { center, half_extents: sizes, rotation }),
-        ];
+        let body = |kind| Body { center, half_extents: sizes, rotation, kind };
         let mut met = 0;
-        for body in bodies {
+        for body in [BodyKind::Ellipsoid, BodyKind::Cuboid].map(body) {
             for k in 0..400 {
                 let (x, y) = (f64::from(k % 20) - 9.7, f64::from(k / 20) - 9.3);
                 let ray = Vector3::new(0.05 * x, 0.05 * y, 1.0).normalize();

@@ -13,13 +13,14 @@ use std::sync::Arc;
 
 use crate::cross_validation::{CrossValidation, choose_folds, summarize};
 use crate::diagnosis::{Diagnosis, diagnose_refined};
+use crate::geometry::BodyKind;
 use crate::observer::{Observer, Watch};
 use crate::parallel::map_indices;
 use crate::scene::{Detection, Scene, SkippedDetections, SourceError};
 use crate::solve::map::{MapContext, PosePoints, PoseUnknowns, map};
 use crate::solve::plausible::warn_of_implausible_sizes;
 use crate::solve::{
-    BORDER_MARGIN, BodyKind, CueScale, Estimate, Fold, FoldPrediction, LearntCategorySize, MapOptions, OptionError,
+    BORDER_MARGIN, CueScale, Estimate, Fold, FoldPrediction, LearntCategorySize, MapOptions, OptionError,
     POSE_NOISE_NAMES, PoseNoise, PosePointsReport, RefinedPose, Sigmas, ViewReport, predict_fold, solve_closed_form,
 };
 use order::{FrameOrder, order_of_objects};

@@ -7,7 +7,8 @@ use crate::solve::{CategoryPriors, ENCLOSING_QUANTILE, MapOptions, Method};
 /// Options of [`crate::localize()`].
 ///
 /// ```
-/// use quadlift::solve::{BodyKind, MapOptions};
+/// use quadlift::geometry::BodyKind;
+/// use quadlift::solve::MapOptions;
 /// use quadlift::LocalizeOptions;
 ///
 /// // The default estimator, cuboids only.

@@ -10,7 +10,7 @@ use super::reprojection::{box_reprojection_iou, ellipse_reprojection_iou};
 use super::scores::{
     EstimatedObject, Evaluation, Mean, MeanScore, ObjectScore, PairedBy, ReprojectionScore, TruthObject,
 };
-use crate::geometry::{Cuboid, Ellipsoid, Projection};
+use crate::geometry::{Body, Ellipsoid, Projection};
 
 /// Scores estimates against the truth, paired by id.
 ///
@@ -88,7 +88,7 @@ fn score(
     let estimate = estimate.unwrap_or(&nothing);
     // Of two cuboids those inscribed in them are compared, whatever stands for a cuboid in the files.
     let cuboids = estimate.cuboid.zip(truth.cuboid);
-    let inscribed = |cuboid: Cuboid| Some(cuboid.inscribed_ellipsoid());
+    let inscribed = |cuboid: Body| Some(cuboid.inscribed());
     let (found, enclosing, true_ellipsoid) = match cuboids {
         Some((found, truth)) => (inscribed(found), estimate.enclosing_cuboid.and_then(inscribed), inscribed(truth)),
         None => (estimate.ellipsoid, estimate.enclosing_ellipsoid, truth.ellipsoid()),
@@ -99,7 +99,7 @@ fn score(
     let iou_of_ellipsoids =
         |body: Option<Ellipsoid>, failed| Some(iou_or_zero(body, true_ellipsoid?, failed, iou3d_ellipsoids)).flatten();
     let iou_of_cuboids =
-        |body: Option<Cuboid>, failed| Some(iou_or_zero(body, truth.cuboid?, failed, iou3d_cuboids)).flatten();
+        |body: Option<Body>, failed| Some(iou_or_zero(body, truth.cuboid?, failed, iou3d_cuboids)).flatten();
     ObjectScore {
         id: truth.id.clone(),
         estimate: id,
@@ -131,7 +131,7 @@ fn iou_or_zero<B>(estimate: Option<B>, truth: B, failed_without: bool, iou: fn(&
 
 fn reprojection(
     (a, b): (Ellipsoid, Ellipsoid),
-    cuboids: Option<(Cuboid, Cuboid)>,
+    cuboids: Option<(Body, Body)>,
     projections: &[Projection],
 ) -> Option<ReprojectionScore> {
     let (mut ellipse_iou, mut box_iou, mut frames) = (0.0, 0.0, 0);
@@ -174,10 +174,12 @@ fn mean_score(objects: &[ObjectScore]) -> MeanScore {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::BodyKind;
     use nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
 
-    fn cuboid(x: f64) -> Cuboid {
-        Cuboid {
+    fn cuboid(x: f64) -> Body {
+        Body {
+            kind: BodyKind::Cuboid,
             center: Point3::new(x, 0.0, 10.0),
             half_extents: Vector3::new(3.0, 2.0, 1.0),
             rotation: Rotation3::from_euler_angles(0.1, 0.2, 0.3),
@@ -186,11 +188,11 @@ mod tests {
 
     fn truth(id: &str) -> TruthObject {
         let cuboid = cuboid(0.0);
-        TruthObject { id: id.into(), ellipsoid: Some(cuboid.inscribed_ellipsoid()), cuboid: Some(cuboid) }
+        TruthObject { id: id.into(), ellipsoid: Some(cuboid.inscribed()), cuboid: Some(cuboid) }
     }
 
     fn estimate(id: &str, scale: f64) -> EstimatedObject {
-        let ellipsoid = cuboid(0.0).inscribed_ellipsoid();
+        let ellipsoid = cuboid(0.0).inscribed();
         EstimatedObject {
             id: id.into(),
             status: "ok".into(),
@@ -255,7 +257,7 @@ mod tests {
         // A turned cuboid reaches farther than its inscribed ellipsoid.
         let (own, other) = (cuboid(0.4), cuboid(0.0));
         let with_cuboid = EstimatedObject { cuboid: Some(own), ..estimate("a", 1.0) };
-        let around = |cuboid: &Cuboid| {
+        let around = |cuboid: &Body| {
             let pixels: Vec<_> = cuboid.corners().iter().map(|c| camera().project_point(c).unwrap()).collect();
             let reach = |axis: usize, sign: f64| pixels.iter().map(|p| sign * p[axis]).fold(f64::MIN, f64::max);
             [-reach(0, -1.0), -reach(1, -1.0), reach(0, 1.0), reach(1, 1.0)]

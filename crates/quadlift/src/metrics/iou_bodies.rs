@@ -5,7 +5,7 @@ use nalgebra::{Point3, Vector3};
 use super::iou_cuboids::iou3d_cuboids;
 use super::iou_ellipsoids::iou3d_ellipsoids;
 use super::ratio_of_union;
-use crate::geometry::{Body, ConvexBody, Cuboid, Cylinder, Ellipsoid, Superellipsoid};
+use crate::geometry::{Body, BodyKind, ConvexBody};
 
 /// Number of sample points for bodies of different kind.
 const SAMPLES: u32 = 1 << 19;
@@ -16,9 +16,9 @@ const SAMPLES: u32 = 1 << 19;
 /// fixed sequence of points in the smaller body, to about 2e-5 (the worst of 300 random pairs: 1.5e-4), in some ten
 /// milliseconds. Zero if a body has no volume or contains a non-finite number.
 pub fn iou3d_bodies(a: &Body, b: &Body) -> f64 {
-    match (a, b) {
-        (Body::Ellipsoid(a), Body::Ellipsoid(b)) => iou3d_ellipsoids(a, b),
-        (Body::Cuboid(a), Body::Cuboid(b)) => iou3d_cuboids(a, b),
+    match (a.kind, b.kind) {
+        (BodyKind::Ellipsoid, BodyKind::Ellipsoid) => iou3d_ellipsoids(&a.inscribed(), &b.inscribed()),
+        (BodyKind::Cuboid, BodyKind::Cuboid) => iou3d_cuboids(a, b),
         _ => {
             let (smaller, larger) = if a.volume() <= b.volume() { (a, b) } else { (b, a) };
             ratio_of_union(smaller.volume() * share_inside(smaller, larger), a.volume(), b.volume())
@@ -31,13 +31,13 @@ pub fn iou3d_bodies(a: &Body, b: &Body) -> f64 {
 fn share_inside(body: &Body, other: &Body) -> f64 {
     const G: f64 = 1.2207440846057596;
     let step = Vector3::new(1.0 / G, 1.0 / (G * G), 1.0 / (G * G * G));
-    let (half_extents, rotation) = (body.half_extents(), body.rotation());
     // Relative to the first center: far from the world's origin coordinates lose digits.
-    let (body, other) = (at(body, Point3::origin()), at(other, Point3::from(other.center() - body.center())));
+    let other = Body { center: Point3::from(other.center - body.center), ..*other };
+    let body = Body { center: Point3::origin(), ..*body };
     let (mut inside, mut common) = (0u32, 0u32);
     for k in 0..SAMPLES {
-        let local = (step * f64::from(k)).map(|x| 2.0 * (x + 0.5).fract() - 1.0).component_mul(&half_extents);
-        let point = Point3::from(rotation * local);
+        let local = (step * f64::from(k)).map(|x| 2.0 * (x + 0.5).fract() - 1.0).component_mul(&body.half_extents);
+        let point = Point3::from(body.rotation * local);
         if body.contains(&point) {
             inside += 1;
             common += u32::from(other.contains(&point));
@@ -46,25 +46,15 @@ fn share_inside(body: &Body, other: &Body) -> f64 {
     if inside == 0 { 0.0 } else { f64::from(common) / f64::from(inside) }
 }
 
-/// The body moved to another center.
-fn at(body: &Body, center: Point3<f64>) -> Body {
-    match *body {
-        Body::Ellipsoid(body) => Body::Ellipsoid(Ellipsoid { center, ..body }),
-        Body::Cuboid(body) => Body::Cuboid(Cuboid { center, ..body }),
-        Body::Cylinder(body) => Body::Cylinder(Cylinder { center, ..body }),
-        Body::Superellipsoid(body) => Body::Superellipsoid(Superellipsoid { center, ..body }),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Ellipsoid;
     use nalgebra::Rotation3;
     use rand::{RngExt, SeedableRng};
 
-    fn superellipsoid(e: &Ellipsoid, support_exponent: f64) -> Body {
-        let Ellipsoid { center, semi_axes, rotation } = *e;
-        Body::Superellipsoid(Superellipsoid { center, semi_axes, rotation, support_exponent })
+    fn of_kind(e: &Ellipsoid, kind: BodyKind) -> Body {
+        Body { kind, ..Body::from(*e) }
     }
 
     fn random_ellipsoid(rng: &mut rand_chacha::ChaCha8Rng) -> Ellipsoid {
@@ -83,39 +73,36 @@ mod tests {
         for _ in 0..10 {
             let (a, b) = (random_ellipsoid(&mut rng), random_ellipsoid(&mut rng));
             let exact = iou3d_ellipsoids(&a, &b);
-            let counted = iou3d_bodies(&superellipsoid(&a, 2.0), &Body::Ellipsoid(b));
+            let counted = iou3d_bodies(&of_kind(&a, BodyKind::Superellipsoid(2.0)), &Body::from(b));
             assert!((counted - exact).abs() < 5e-4, "{counted} {exact}");
-            let cuboid = |e: &Ellipsoid| Cuboid { center: e.center, half_extents: e.semi_axes, rotation: e.rotation };
+            let cuboid = |e: &Ellipsoid| of_kind(e, BodyKind::Cuboid);
             let exact = iou3d_cuboids(&cuboid(&a), &cuboid(&b));
-            let counted = iou3d_bodies(&superellipsoid(&a, 1.0), &Body::Cuboid(cuboid(&b)));
+            let counted = iou3d_bodies(&of_kind(&a, BodyKind::Superellipsoid(1.0)), &cuboid(&b));
             assert!((counted - exact).abs() < 5e-4, "{counted} {exact}");
-            assert_eq!(iou3d_bodies(&Body::Ellipsoid(a), &Body::Ellipsoid(b)), iou3d_ellipsoids(&a, &b));
+            assert_eq!(iou3d_bodies(&Body::from(a), &Body::from(b)), iou3d_ellipsoids(&a, &b));
         }
     }
 
     #[test]
     fn cylinders_that_overlap_in_half_of_their_height_have_a_third() {
-        let Ellipsoid { center, semi_axes, rotation } =
-            random_ellipsoid(&mut rand_chacha::ChaCha8Rng::seed_from_u64(6));
-        let one = Cylinder::from_half_extents(center, semi_axes, rotation);
-        let other = Cylinder { center: center + rotation * Vector3::new(0.0, 0.0, semi_axes.z), ..one };
-        let iou = iou3d_bodies(&Body::Cylinder(one), &Body::Cylinder(other));
+        let ellipsoid = random_ellipsoid(&mut rand_chacha::ChaCha8Rng::seed_from_u64(6));
+        let one = of_kind(&ellipsoid, BodyKind::Cylinder);
+        let other = Body { center: one.center + one.rotation * Vector3::new(0.0, 0.0, one.half_extents.z), ..one };
+        let iou = iou3d_bodies(&one, &other);
         assert!((iou - 1.0 / 3.0).abs() < 1e-3, "{iou}");
-        let around = Cuboid { center, half_extents: semi_axes, rotation };
-        let iou = iou3d_bodies(&Body::Cylinder(one), &Body::Cuboid(around));
+        let iou = iou3d_bodies(&one, &of_kind(&ellipsoid, BodyKind::Cuboid));
         assert!((iou - std::f64::consts::FRAC_PI_4).abs() < 1e-3, "{iou}");
     }
 
     #[test]
     fn an_inscribed_ellipsoid_has_the_share_of_the_volumes() {
         let ellipsoid = random_ellipsoid(&mut rand_chacha::ChaCha8Rng::seed_from_u64(5));
-        let Ellipsoid { center, semi_axes, rotation } = ellipsoid;
-        let cuboid = Body::Cuboid(Cuboid { center, half_extents: semi_axes * (1.0 + 1e-9), rotation });
+        let cuboid = of_kind(&ellipsoid.scaled(1.0 + 1e-9), BodyKind::Cuboid);
         let expected = std::f64::consts::PI / 6.0;
-        assert!((iou3d_bodies(&cuboid, &Body::Ellipsoid(ellipsoid)) - expected).abs() < 1e-6);
-        let flat = Body::Ellipsoid(Ellipsoid { semi_axes: Vector3::new(1.0, 1.0, 0.0), ..ellipsoid });
+        assert!((iou3d_bodies(&cuboid, &Body::from(ellipsoid)) - expected).abs() < 1e-6);
+        let flat = Body::from(Ellipsoid { semi_axes: Vector3::new(1.0, 1.0, 0.0), ..ellipsoid });
         assert_eq!(iou3d_bodies(&cuboid, &flat), 0.0);
-        let broken = Body::Ellipsoid(Ellipsoid { semi_axes: Vector3::repeat(f64::NAN), ..ellipsoid });
+        let broken = Body::from(Ellipsoid { semi_axes: Vector3::repeat(f64::NAN), ..ellipsoid });
         assert_eq!(iou3d_bodies(&cuboid, &broken), 0.0);
     }
 }

@@ -1,25 +1,25 @@
-//! Volume IoU of cuboids by exact clipping.
+//! Volume IoU of cuboids by exact clipping. Of other bodies it is that of the cuboids around them.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::ratio_of_union;
-use crate::geometry::{ConvexBody, Cuboid};
+use crate::geometry::{Body, BodyKind};
 
 /// Volume of the intersection over volume of the union, in [0, 1], exact to rounding.
 ///
 /// Zero if a body has no volume or contains a non-finite number.
-pub fn iou3d_cuboids(a: &Cuboid, b: &Cuboid) -> f64 {
-    ratio_of_union(cuboid_intersection_volume(a, b), a.volume(), b.volume())
+pub fn iou3d_cuboids(a: &Body, b: &Body) -> f64 {
+    ratio_of_union(cuboid_intersection_volume(a, b), volume(a), volume(b))
 }
 
 /// Volume common to two cuboids, in cubic world units.
 ///
 /// Every face of the common body is a face of one cuboid clipped by the six planes of the other; the volume is the
 /// sum of the cones over these faces. A face plane that both share counts once, with the first cuboid.
-pub fn cuboid_intersection_volume(a: &Cuboid, b: &Cuboid) -> f64 {
+pub fn cuboid_intersection_volume(a: &Body, b: &Body) -> f64 {
     let offset = b.center - a.center;
     let size = a.half_extents.amax().max(b.half_extents.amax());
-    let usable = |c: &Cuboid| c.half_extents.iter().all(|h| h.is_finite() && *h > 0.0);
+    let usable = |c: &Body| c.half_extents.iter().all(|h| h.is_finite() && *h > 0.0);
     if !usable(a) || !usable(b) || !offset.iter().all(|x| x.is_finite()) {
         return 0.0;
     }
@@ -31,8 +31,12 @@ pub fn cuboid_intersection_volume(a: &Cuboid, b: &Cuboid) -> f64 {
     first.clipped_faces(&second, slack, &mut faces);
     second.clipped_faces(&first, -slack, &mut faces);
     let Some(apex) = faces.first().map(|face| face.corners[0]) else { return 0.0 };
-    let volume: f64 = faces.iter().map(|face| face.area() * face.normal.dot(&(face.corners[0] - apex)) / 3.0).sum();
-    volume.max(0.0).min(a.volume()).min(b.volume())
+    let common: f64 = faces.iter().map(|face| face.area() * face.normal.dot(&(face.corners[0] - apex)) / 3.0).sum();
+    common.max(0.0).min(volume(a)).min(volume(b))
+}
+
+fn volume(cuboid: &Body) -> f64 {
+    BodyKind::Cuboid.volume(&cuboid.half_extents)
 }
 
 /// A cuboid relative to the first one's center.
@@ -99,12 +103,14 @@ impl Face {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::ConvexBody;
     use nalgebra::{Point3, Rotation3};
     use proptest::prelude::*;
     use rand::{RngExt, SeedableRng};
 
-    fn cuboid(center: [f64; 3], half: [f64; 3], angles: [f64; 3]) -> Cuboid {
-        Cuboid {
+    fn cuboid(center: [f64; 3], half: [f64; 3], angles: [f64; 3]) -> Body {
+        Body {
+            kind: BodyKind::Cuboid,
             center: Point3::from(center),
             half_extents: Vector3::from(half),
             rotation: Rotation3::from_euler_angles(angles[0], angles[1], angles[2]),
@@ -124,14 +130,14 @@ mod tests {
     #[test]
     fn shared_planes_count_once_and_touching_bodies_share_nothing() {
         let a = cuboid([0.0; 3], [1.0, 1.0, 1.0], [0.3, 0.1, -0.7]);
-        let beside = |distance: f64| Cuboid { center: a.center + a.rotation * Vector3::new(distance, 0.0, 0.0), ..a };
+        let beside = |distance: f64| Body { center: a.center + a.rotation * Vector3::new(distance, 0.0, 0.0), ..a };
         assert!((cuboid_intersection_volume(&a, &beside(0.5)) - 6.0).abs() < 1e-9);
         assert!(cuboid_intersection_volume(&a, &beside(2.0)) < 1e-10);
         assert!((cuboid_intersection_volume(&a, &beside(2.0 - 1e-6)) - 4e-6).abs() < 1e-10);
         assert_eq!(cuboid_intersection_volume(&a, &beside(2.1)), 0.0);
         // The same box with its axes named differently.
         let turned =
-            Cuboid { rotation: a.rotation * Rotation3::from_euler_angles(0.0, 0.0, std::f64::consts::FRAC_PI_2), ..a };
+            Body { rotation: a.rotation * Rotation3::from_euler_angles(0.0, 0.0, std::f64::consts::FRAC_PI_2), ..a };
         assert!((iou3d_cuboids(&a, &turned) - 1.0).abs() < 1e-9);
     }
 
@@ -146,11 +152,11 @@ mod tests {
     #[test]
     fn far_from_the_origin_and_very_flat() {
         let a = cuboid([1e6, -2e6, 3e6], [1.0, 1e3, 1e3], [0.2, 0.5, 1.0]);
-        let b = Cuboid { center: a.center + a.rotation * Vector3::new(0.5, 0.0, 0.0), ..a };
+        let b = Body { center: a.center + a.rotation * Vector3::new(0.5, 0.0, 0.0), ..a };
         assert!((iou3d_cuboids(&a, &b) - 0.6).abs() < 1e-8);
-        let broken = Cuboid { half_extents: Vector3::new(f64::NAN, 1.0, 1.0), ..a };
+        let broken = Body { half_extents: Vector3::new(f64::NAN, 1.0, 1.0), ..a };
         assert_eq!(iou3d_cuboids(&a, &broken), 0.0);
-        assert_eq!(iou3d_cuboids(&a, &Cuboid { half_extents: Vector3::zeros(), ..a }), 0.0);
+        assert_eq!(iou3d_cuboids(&a, &Body { half_extents: Vector3::zeros(), ..a }), 0.0);
     }
 
     #[test]

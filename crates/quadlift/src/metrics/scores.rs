@@ -2,7 +2,7 @@
 
 use nalgebra::Point3;
 
-use crate::geometry::{Cuboid, Ellipsoid};
+use crate::geometry::{Body, Ellipsoid};
 
 /// The estimate of one object; missing values are absent.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -18,9 +18,9 @@ pub struct EstimatedObject {
     /// The enclosing one, which should contain the real object.
     pub enclosing_ellipsoid: Option<Ellipsoid>,
     /// The tangent cuboid.
-    pub cuboid: Option<Cuboid>,
+    pub cuboid: Option<Body>,
     /// The enclosing one, which should contain the real object.
-    pub enclosing_cuboid: Option<Cuboid>,
+    pub enclosing_cuboid: Option<Body>,
 }
 
 /// The ground truth of one object. If there is only a cuboid, its inscribed ellipsoid is used.
@@ -31,7 +31,7 @@ pub struct TruthObject {
     /// The true ellipsoid.
     pub ellipsoid: Option<Ellipsoid>,
     /// The true cuboid.
-    pub cuboid: Option<Cuboid>,
+    pub cuboid: Option<Body>,
 }
 
 /// Scores of one true object; absent if either side has no value.
@@ -154,6 +154,6 @@ impl Evaluation {
 impl TruthObject {
     /// The true ellipsoid, or the one inscribed in the cuboid.
     pub fn ellipsoid(&self) -> Option<Ellipsoid> {
-        self.ellipsoid.or_else(|| self.cuboid.as_ref().map(Cuboid::inscribed_ellipsoid))
+        self.ellipsoid.or_else(|| self.cuboid.as_ref().map(Body::inscribed))
     }
 }

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 
 use crate::geometry::linalg::solve_spd;
-use crate::geometry::{Body, ConvexBody, Ellipsoid, rotation_vector, vech3};
+use crate::geometry::{Body, Ellipsoid, rotation_vector, vech3};
 use crate::solve::{Covariance, CovarianceCoordinates, Matrix9};
 
 /// Squared Mahalanobis distances of the truth from an estimate (ours). If the covariance is calibrated they follow
@@ -29,8 +29,8 @@ const SQUARED_EXTENTS: [usize; 3] = [3, 6, 8];
 /// [`Body::ellipsoid`]). The axes of a body other than an ellipsoid can be named in 24 ways; the one closest to the
 /// truth is used. `None` if the covariance is not positive definite.
 pub fn squared_errors(estimate: &Body, covariance: &Covariance, truth: &Body) -> Option<SquaredErrors> {
-    let (estimate, truth) = if are_of_one_kind(estimate, truth) {
-        (inscribed(estimate), inscribed(truth))
+    let (estimate, truth) = if estimate.kind == truth.kind {
+        (estimate.inscribed(), truth.inscribed())
     } else {
         (estimate.ellipsoid(), truth.ellipsoid())
     };
@@ -54,18 +54,6 @@ pub fn squared_errors(estimate: &Body, covariance: &Covariance, truth: &Body) ->
             .filter_map(|naming| of(&oriented_error(&estimate, &truth, naming), [6, 7, 8]))
             .min_by(|a, b| a.whole.total_cmp(&b.whole)),
     }
-}
-
-fn are_of_one_kind(a: &Body, b: &Body) -> bool {
-    match (a, b) {
-        (Body::Superellipsoid(a), Body::Superellipsoid(b)) => a.support_exponent == b.support_exponent,
-        _ => std::mem::discriminant(a) == std::mem::discriminant(b),
-    }
-}
-
-/// The ellipsoid with the half extents of a body as semi-axes.
-fn inscribed(body: &Body) -> Ellipsoid {
-    Ellipsoid { center: body.center(), semi_axes: body.half_extents(), rotation: body.rotation() }
 }
 
 /// The error in center, rotation vector (in the estimate's axes) and log semi-axes, when the columns of `naming` are the
@@ -109,7 +97,7 @@ fn distance<const N: usize>(error: &SVector<f64, 9>, covariance: &Matrix9, param
 mod tests {
     use super::super::nees;
     use super::*;
-    use crate::geometry::Cuboid;
+    use crate::geometry::{Body, BodyKind};
     use nalgebra::Point3;
 
     fn covariance(coordinates: CovarianceCoordinates) -> Covariance {
@@ -128,7 +116,7 @@ mod tests {
         let estimate =
             Ellipsoid { center: Point3::new(1.3, 1.8, 3.1), semi_axes: Vector3::new(3.2, 1.9, 1.1), ..truth };
         let covariance = covariance(CovarianceCoordinates::CenterVechShape);
-        let errors = squared_errors(&Body::Ellipsoid(estimate), &covariance, &Body::Ellipsoid(truth)).unwrap();
+        let errors = squared_errors(&Body::from(estimate), &covariance, &Body::from(truth)).unwrap();
         let expected = nees(&estimate, &truth, &covariance.matrix).unwrap();
         assert!((errors.whole - expected).abs() < 1e-9 * expected);
         let marginal = |error: Vector3<f64>, places: [usize; 3]| {
@@ -146,22 +134,23 @@ mod tests {
     fn how_the_axes_of_a_cuboid_are_named_does_not_matter() {
         let rotation = Rotation3::from_euler_angles(0.3, 0.5, -1.2);
         let center = Point3::new(0.5, 0.0, -2.0);
-        let estimate = Body::Cuboid(Cuboid { center, half_extents: Vector3::new(2.0, 1.0, 0.5), rotation });
+        let estimate = Body { kind: BodyKind::Cuboid, center, half_extents: Vector3::new(2.0, 1.0, 0.5), rotation };
         // A small turn, and sizes that differ by 5, 0 and -10 %.
         let turned = rotation * Rotation3::new(Vector3::new(0.02, -0.01, 0.03));
         let half_extents = Vector3::new(2.1, 1.0, 0.45);
         let covariance = covariance(CovarianceCoordinates::CenterRotationLogAxes);
-        let plain = Body::Cuboid(Cuboid { center, half_extents, rotation: turned });
+        let plain = Body { kind: BodyKind::Cuboid, center, half_extents, rotation: turned };
         let expected = squared_errors(&estimate, &covariance, &plain).unwrap();
         let named = named_axes();
         assert_eq!(named.len(), 24);
         for naming in named {
-            let renamed = Cuboid {
+            let renamed = Body {
+                kind: BodyKind::Cuboid,
                 center,
                 half_extents: naming.abs().tr_mul(&half_extents),
                 rotation: Rotation3::from_matrix_unchecked(turned.matrix() * naming),
             };
-            let errors = squared_errors(&estimate, &covariance, &Body::Cuboid(renamed)).unwrap();
+            let errors = squared_errors(&estimate, &covariance, &renamed).unwrap();
             assert!((errors.whole - expected.whole).abs() < 1e-9 * expected.whole, "{naming}");
             assert!((errors.extents - expected.extents).abs() < 1e-9 * expected.extents);
         }

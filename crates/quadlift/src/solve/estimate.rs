@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, SMatrix};
 
-use crate::geometry::{Body, Cuboid, Ellipsoid};
+use crate::geometry::{Body, BodyKind, Ellipsoid};
 
 /// A symmetric 9x9 matrix.
 pub type Matrix9 = SMatrix<f64, 9, 9>;
@@ -278,7 +278,7 @@ impl Estimate {
     /// their own fit ([`Estimate::enclosing`]), other bodies are `body` scaled.
     pub fn enclosing_body(&self) -> Option<Body> {
         match (self.body.as_ref()?, self.enclosing) {
-            (Body::Ellipsoid(_), Some(enclosing)) => Some(Body::Ellipsoid(enclosing)),
+            (Body { kind: BodyKind::Ellipsoid, .. }, Some(enclosing)) => Some(enclosing.into()),
             (body, _) => Some(body.scaled(self.enclosing_scale?)),
         }
     }
@@ -289,11 +289,8 @@ impl Estimate {
     }
 
     /// The cuboid, if the body is one.
-    pub fn cuboid(&self) -> Option<Cuboid> {
-        match self.body {
-            Some(Body::Cuboid(cuboid)) => Some(cuboid),
-            _ => None,
-        }
+    pub fn cuboid(&self) -> Option<Body> {
+        self.body.filter(|body| body.kind == BodyKind::Cuboid)
     }
 
     /// Number of used views.

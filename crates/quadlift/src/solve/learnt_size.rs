@@ -1,6 +1,7 @@
 //! What is learnt about the sizes of a category.
 
-use super::options::{BodyKind, SizePrior};
+use super::options::SizePrior;
+use crate::geometry::BodyKind;
 
 /// The size of a category and kind of body, learnt from the objects of the scene ([`super::MapOptions::learn_sizes`]).
 #[derive(Debug, Clone, Copy, PartialEq)]

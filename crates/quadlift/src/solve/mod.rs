@@ -31,9 +31,7 @@ pub use estimate::{
 pub use estimator::Estimator;
 pub use learnt_size::LearntCategorySize;
 pub(crate) use options::BORDER_MARGIN;
-pub use options::{
-    BodyKind, CategoryPrior, CategoryPriors, MapOptions, Method, PoseMotion, PoseNoise, RegOptions, SizePrior,
-};
+pub use options::{CategoryPrior, CategoryPriors, MapOptions, Method, PoseMotion, PoseNoise, RegOptions, SizePrior};
 pub use pose_points_report::{PosePointsProblem, PosePointsReport};
 pub(crate) use prediction::LARGE_ERROR;
 pub use prediction::Prediction;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::sigmas::Sigmas;
-use crate::geometry::Body;
+use crate::geometry::BodyKind;
 
 /// The estimator for each object, with its options.
 #[derive(Debug, Clone)]
@@ -50,32 +50,6 @@ impl Method {
     /// The options of [`Method::Map`] for modification, if it is the method.
     pub fn map_options_mut(&mut self) -> Option<&mut MapOptions> {
         if let Self::Map(options) = self { Some(options) } else { None }
-    }
-}
-
-/// The fitted kind of body.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum BodyKind {
-    /// An ellipsoid.
-    #[default]
-    Ellipsoid,
-    /// A cuboid.
-    Cuboid,
-    /// A cylinder with an elliptic base.
-    Cylinder,
-    /// A superellipsoid with this exponent of its support function, in [1, 2] (1 cuboid, 2 ellipsoid).
-    Superellipsoid(f64),
-}
-
-impl BodyKind {
-    /// The kind of a body.
-    pub fn of(body: &Body) -> Self {
-        match body {
-            Body::Ellipsoid(_) => Self::Ellipsoid,
-            Body::Cuboid(_) => Self::Cuboid,
-            Body::Cylinder(_) => Self::Cylinder,
-            Body::Superellipsoid(body) => Self::Superellipsoid(body.support_exponent),
-        }
     }
 }
 

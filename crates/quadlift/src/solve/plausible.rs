@@ -15,7 +15,7 @@ pub(crate) fn warn_of_implausible_sizes(estimates: &mut [Estimate], categories: 
         let Some(category) = estimate.category_index.and_then(|index| categories.get(index)) else { continue };
         let Some(size) = sizes.of(category).and_then(|prior| prior.size) else { continue };
         let Some(body) = &estimate.body else { continue };
-        let extent = 2.0 * body.half_extents().max();
+        let extent = 2.0 * body.half_extents.max();
         let longest = if size.mean[0] >= size.mean[2] { 0 } else { 2 };
         let (expected, sd) = (size.mean[longest], size.sd[longest]);
         let least = (expected - USUAL_SDS * sd) / ROOM_FOR_ERRORS;
@@ -32,7 +32,7 @@ mod tests {
 
     use super::super::{CategoryPrior, SizePrior, Status};
     use super::*;
-    use crate::geometry::{Body, Cuboid};
+    use crate::geometry::{Body, BodyKind};
 
     /// Warnings about a thing of these extents.
     fn warnings(category: &str, extents: [f64; 3]) -> Vec<Warning> {
@@ -43,8 +43,9 @@ mod tests {
         let categories = ["car", "person", "dog"].map(str::to_owned);
         let index = categories.iter().position(|name| name == category);
         let half_extents = Vector3::from(extents) / 2.0;
-        let cuboid = Cuboid { center: Point3::origin(), half_extents, rotation: Rotation3::identity() };
-        let estimate = Estimate { body: Some(Body::Cuboid(cuboid)), ..Estimate::failed(0, index, Status::Ok) };
+        let cuboid =
+            Body { kind: BodyKind::Cuboid, center: Point3::origin(), half_extents, rotation: Rotation3::identity() };
+        let estimate = Estimate { body: Some(cuboid), ..Estimate::failed(0, index, Status::Ok) };
         let mut estimates = [estimate];
         warn_of_implausible_sizes(&mut estimates, &categories, &sizes);
         let [estimate] = estimates;

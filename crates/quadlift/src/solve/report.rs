@@ -88,7 +88,7 @@ pub(super) fn is_a_body(body: &Body, views: &[View]) -> bool {
     };
     if views.iter().all(|view| view.measured_box().is_none()) {
         // 3D boxes alone.
-        return body.half_extents().iter().all(|x| x.is_finite() && *x > 0.0);
+        return body.half_extents.iter().all(|x| x.is_finite() && *x > 0.0);
     }
     let mut ratios: Vec<f64> = views.iter().filter_map(ratio).collect();
     quantile_of(&mut ratios, 0.5).is_some_and(|median| (1.0 / RUN_AWAY..=RUN_AWAY).contains(&median))
@@ -162,7 +162,7 @@ mod tests {
     fn ball(x: f64, radius: f64) -> Body {
         let center = Point3::new(x, 0.0, 100.0);
         let semi_axes = Vector3::repeat(radius);
-        Body::Ellipsoid(Ellipsoid { center, semi_axes, rotation: Rotation3::identity() })
+        Body::from(Ellipsoid { center, semi_axes, rotation: Rotation3::identity() })
     }
 
     #[test]

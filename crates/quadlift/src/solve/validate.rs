@@ -1,6 +1,7 @@
 //! Options of the estimators are validated before anything is computed.
 
-use super::options::{BodyKind, CategoryPrior, MapOptions, Method, PoseNoise, RegOptions};
+use super::options::{CategoryPrior, MapOptions, Method, PoseNoise, RegOptions};
+use crate::geometry::BodyKind;
 
 /// An option that is out of range, or that the scene does not allow; the message names it, what was found and what was
 /// expected.
@@ -28,7 +29,7 @@ impl MapOptions {
     /// # Errors
     /// [`OptionError`] names the first option that is out of range.
     pub fn validate(&self) -> Result<(), OptionError> {
-        if let Some(BodyKind::Superellipsoid(q)) = self.body
+        if let Some(q) = self.body.map(BodyKind::exponent)
             && !(1.0..=2.0).contains(&q)
         {
             return refuse(format!(

@@ -91,7 +91,7 @@ mod tests {
         assert!((volume(&alike, 3) / volume(&alike, 0) - 1.0).abs() < 1e-12 && alike.scene.categories.len() == 3);
         assert!((volume(&made(CategorySizes::TwoSizes(0.0)), 3) / volume(&alike, 0) - 8.0).abs() < 1e-9);
         // They still stand.
-        assert!(alike.truth.iter().all(|(_, body)| (body.center().z - body.half_extents().z).abs() < 1e-9));
+        assert!(alike.truth.iter().all(|(_, body)| (body.center().z - body.half_extents.z).abs() < 1e-9));
         let options = SyntheticOptions { objects: 12, views: 3, standing: true, ..Default::default() };
         let any = made(CategorySizes::Any);
         assert_eq!(any.truth, generate(&options).unwrap().truth);

@@ -150,9 +150,9 @@ fn simulated_box(view: &View, body: &Body, noise: &Box3dNoise, rng: &mut ChaCha8
     Some(Box3dCue {
         center: (center.z > 0.0).then(|| Point3::from(center)),
         half_extents: Some(
-            body.half_extents().zip_map(&sizes, |half, e| half * noise.size_bias * (noise.size * e).exp()),
+            body.half_extents.zip_map(&sizes, |half, e| half * noise.size_bias * (noise.size * e).exp()),
         ),
-        rotation: Some(cam_from_world * body.rotation() * Rotation3::from_axis_angle(&Vector3::z_axis(), turn)),
+        rotation: Some(cam_from_world * body.rotation * Rotation3::from_axis_angle(&Vector3::z_axis(), turn)),
         source: Some(1),
         ..Default::default()
     })
@@ -181,7 +181,7 @@ mod tests {
             let pose = projection.camera_pose().unwrap();
             let center = pose.matrix() * body.center().to_homogeneous();
             assert!((box3d.center.unwrap().coords - center).norm() < 1e-9);
-            assert!((box3d.half_extents.unwrap() - body.half_extents()).norm() < 1e-12);
+            assert!((box3d.half_extents.unwrap() - body.half_extents).norm() < 1e-12);
             let depth = cues.depth.unwrap().median / projection.depth(&body.center());
             wrong += usize::from(depth > 1.2);
             assert!(!(1.0..=1.2).contains(&depth), "{depth}");

@@ -5,9 +5,8 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::options::Trajectory;
-use crate::geometry::{Body, Cuboid, Cylinder, Ellipsoid, Superellipsoid};
+use crate::geometry::{Body, BodyKind};
 use crate::random;
-use crate::solve::BodyKind;
 
 /// Height of the objects' centers on a floor relative to those in a cube.
 const FLOOR_HEIGHT: f64 = 0.15;
@@ -66,19 +65,13 @@ impl Object {
 
     /// The body (cylinders are round), in a world multiplied by `scale` and then moved by `offset`.
     pub(super) fn body(&self, kind: BodyKind, scale: f64, offset: &Vector3<f64>) -> Body {
-        let (center, semi_axes, rotation) = (self.center * scale + offset, self.semi_axes * scale, self.rotation);
-        match kind {
-            BodyKind::Ellipsoid => Body::Ellipsoid(Ellipsoid { center, semi_axes, rotation }),
-            BodyKind::Cuboid => Body::Cuboid(Cuboid { center, half_extents: semi_axes, rotation }),
-            BodyKind::Cylinder => {
-                let radius = (semi_axes.x * semi_axes.y).sqrt();
-                let half_extents = Vector3::new(radius, radius, semi_axes.z);
-                Body::Cylinder(Cylinder::from_half_extents(center, half_extents, rotation))
-            }
-            BodyKind::Superellipsoid(support_exponent) => {
-                Body::Superellipsoid(Superellipsoid { center, semi_axes, rotation, support_exponent })
-            }
+        let (center, rotation) = (self.center * scale + offset, self.rotation);
+        let mut half_extents = self.semi_axes * scale;
+        if kind.has_axis() {
+            let radius = (half_extents.x * half_extents.y).sqrt();
+            (half_extents.x, half_extents.y) = (radius, radius);
         }
+        Body { center, rotation, half_extents, kind }
     }
 }
 

@@ -2,9 +2,8 @@
 
 use nalgebra::Vector3;
 
-use crate::geometry::{BoundingBoxError, CameraError, EllipseError, ProjectionError};
+use crate::geometry::{BodyKind, BoundingBoxError, CameraError, EllipseError, ProjectionError};
 use crate::scene::SceneError;
-use crate::solve::BodyKind;
 
 /// Options of a synthetic scene; the default is the set-up of PfD's synthetic experiments, without noise.
 #[derive(Debug, Clone, PartialEq)]
@@ -328,10 +327,8 @@ impl SyntheticOptions {
             return out_of_range("outlier share", self.outlier_share, "a number from 0 to 1");
         }
         for kind in (0..self.kinds.len().max(1)).map(|object| self.kind_of(object)) {
-            if let BodyKind::Superellipsoid(q) = kind
-                && !(1.0..=2.0).contains(&q)
-            {
-                return out_of_range("exponent of the superellipsoid", q, "a number from 1 to 2");
+            if !(1.0..=2.0).contains(&kind.exponent()) {
+                return out_of_range("exponent of the superellipsoid", kind.exponent(), "a number from 1 to 2");
             }
             if self.observations.ellipses() && kind != BodyKind::Ellipsoid {
                 return Err(SyntheticError::NotAnEllipse);

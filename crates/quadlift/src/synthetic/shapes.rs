@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use nalgebra::{Matrix2, Matrix3x4, Rotation2, Vector2};
 use rand_chacha::ChaCha8Rng;
 
-use crate::geometry::{Body, OrientedBox, Projection, project_bounding_box, project_ellipsoid};
+use crate::geometry::{Body, BodyKind, OrientedBox, Projection, project_bounding_box, project_ellipsoid};
 use crate::random;
 use crate::scene::{Detection, Scene};
 
@@ -136,8 +136,8 @@ impl<'a> Seen<'a> {
 
     /// The direction of a turned box without errors.
     fn angle(&self) -> Option<f64> {
-        if let Body::Ellipsoid(ellipsoid) = &self.body {
-            return project_ellipsoid(self.projection, ellipsoid).ok().map(|ellipse| ellipse.angle());
+        if self.body.kind == BodyKind::Ellipsoid {
+            return project_ellipsoid(self.projection, &self.body.inscribed()).ok().map(|ellipse| ellipse.angle());
         }
         let area = |angle: f64| {
             let [right, down, left, up] = reaches(self.projection, &self.body, angle)?;
@@ -165,8 +165,7 @@ fn reaches(projection: &Projection, body: &Body, angle: f64) -> Option<[f64; 4]>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::SupportLines;
-    use crate::solve::BodyKind;
+    use crate::geometry::{BodyKind, SupportLines};
     use crate::synthetic::{SyntheticOptions, generate};
 
     /// Shapes of the detections of a scene with their true bodies and projections.

@@ -4,10 +4,10 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 
 use super::*;
+use crate::geometry::BodyKind;
 use crate::geometry::{
     BoundingBox, ConvexBody, Ellipse, Projection, ProjectionError, project_bounding_box, project_ellipsoid,
 };
-use crate::solve::BodyKind;
 
 fn options() -> SyntheticOptions {
     SyntheticOptions { seed: 5, objects: 8, views: 6, observations: Observations::Both, ..Default::default() }
@@ -118,7 +118,7 @@ fn noise_and_bodies_do_not_change_what_else_is_drawn() {
     assert_ne!(measurements(&clean), measurements(&noisy_scene));
     let cuboids = SyntheticOptions { body: BodyKind::Cuboid, observations: Observations::Boxes, ..options() };
     for ((_, cuboid), (_, ellipsoid)) in generate(&cuboids).unwrap().truth.iter().zip(&clean.truth) {
-        assert_eq!((cuboid.center(), cuboid.half_extents()), (ellipsoid.center(), ellipsoid.half_extents()));
+        assert_eq!((cuboid.center(), cuboid.half_extents), (ellipsoid.center(), ellipsoid.half_extents));
     }
     // Another amount of one noise: the others, and the outliers, stay.
     let more = SyntheticOptions { noise: vec![Noise::BoxEdges(0.2)], ..noisy() };

@@ -2,9 +2,9 @@
 //! setting for all of them. The caller never says which noise there is.
 
 use nalgebra::{Rotation3, SVector, Vector3};
-use quadlift::geometry::{Body, Ellipsoid, vech3};
+use quadlift::geometry::{Body, BodyKind, Ellipsoid, vech3};
 use quadlift::metrics::{iou3d_bodies, iou3d_ellipsoids, nees};
-use quadlift::solve::{BodyKind, Estimate, MapOptions, Method, PoseNoise, Status};
+use quadlift::solve::{Estimate, MapOptions, Method, PoseNoise, Status};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift::{Localization, LocalizeOptions, localize};
 
@@ -218,7 +218,7 @@ fn the_kind_of_body_is_chosen_from_the_boxes() {
     let right = |body: BodyKind, sigma: f64| {
         let synthetic = generate(&SyntheticOptions { objects: 12, body, ..boxes(sigma)(3) }).unwrap();
         let localization = localize(&synthetic.scene, &LocalizeOptions::default()).unwrap();
-        let chosen = localization.estimates.iter().map(|estimate| BodyKind::of(&estimate.body.unwrap()));
+        let chosen = localization.estimates.iter().map(|estimate| estimate.body.unwrap().kind);
         // Noisy boxes hardly tell a cuboid from one with edges that are a little round.
         let as_good =
             |chosen: BodyKind| sigma > 0.0 && (body, chosen) == (BodyKind::Cuboid, BodyKind::Superellipsoid(1.25));

@@ -1,8 +1,8 @@
 //! Cuboids that fit their boxes in two ways: both are reported, and the uncertainty holds both.
 
-use quadlift::geometry::Body;
+use quadlift::geometry::{Body, BodyKind};
 use quadlift::metrics::iou3d_cuboids;
-use quadlift::solve::{BodyKind, Warning};
+use quadlift::solve::Warning;
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, generate};
 use quadlift::{Localization, LocalizeOptions, localize};
 
@@ -30,10 +30,9 @@ fn most_cuboids_that_came_out_wrong_have_another_answer_and_few_of_the_others() 
     for seed in [20, 21] {
         let (truth, localization) = cuboids(8, 0.03, seed);
         for estimate in &localization.estimates {
-            let Body::Cuboid(truth) = truth[estimate.object_index] else { panic!() };
-            let iou = |body: &Body| match body {
-                Body::Cuboid(cuboid) => iou3d_cuboids(cuboid, &truth),
-                _ => panic!("a cuboid was asked for"),
+            let iou = |body: &Body| {
+                assert_eq!(body.kind, BodyKind::Cuboid);
+                iou3d_cuboids(body, &truth[estimate.object_index])
             };
             let own = iou(estimate.body.as_ref().unwrap());
             let is_ambiguous = estimate.warnings.iter().any(|w| matches!(w, Warning::Ambiguous { .. }));

@@ -2,9 +2,9 @@
 //! named.
 
 use quadlift::cross_validation::{CrossValidation, Extent};
-use quadlift::geometry::BoundingBox;
+use quadlift::geometry::{BodyKind, BoundingBox};
 use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, Method, Prediction, Sigmas};
+use quadlift::solve::{Method, Prediction, Sigmas};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
 use quadlift::{Localization, LocalizeOptions, localize};
 

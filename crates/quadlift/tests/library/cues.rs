@@ -1,9 +1,10 @@
 //! Depths and 3D boxes beside boxes, one view, wrong scales, outliers.
 
 use nalgebra::Vector3;
+use quadlift::geometry::BodyKind;
 use quadlift::metrics::iou3d_ellipsoids;
 use quadlift::scene::{Box3dSd, Cues, DepthCue, Detection, Scene, SceneParts};
-use quadlift::solve::{BodyKind, MapOptions, ScaledQuantity, Sigmas, Status, Warning};
+use quadlift::solve::{MapOptions, ScaledQuantity, Sigmas, Status, Warning};
 use quadlift::synthetic::{
     Box3dNoise, CueOptions, DepthNoise, Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate,
     simulate_cues,

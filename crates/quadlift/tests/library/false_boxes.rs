@@ -123,7 +123,7 @@ fn with_given_levels_an_object_is_judged_by_them_alone() {
     options.method.map_options_mut().unwrap().hidden_edges = false;
     // The self-check looks at all objects of a scene.
     options.accept_inconsistent = true;
-    options.method.map_options_mut().unwrap().body = Some(quadlift::solve::BodyKind::Ellipsoid);
+    options.method.map_options_mut().unwrap().body = Some(quadlift::geometry::BodyKind::Ellipsoid);
     let together = localize(&scene.scene, &options).unwrap();
     let mut statuses: BTreeMap<&str, usize> = BTreeMap::new();
     for estimate in &together.estimates {

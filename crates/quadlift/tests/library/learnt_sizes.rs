@@ -1,9 +1,9 @@
 //! Sizes of categories that are learnt from the objects of the scene.
 
-use quadlift::geometry::Body;
+use quadlift::geometry::{Body, BodyKind};
 use quadlift::metrics::{iou3d_bodies, nees};
 use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, CategoryPrior, MapOptions, SizePrior};
+use quadlift::solve::{CategoryPrior, MapOptions, SizePrior};
 use quadlift::synthetic::{
     CategoryOptions, CategorySizes, Noise, Observations, SyntheticOptions, SyntheticScene, generate_categories,
 };
@@ -46,10 +46,11 @@ fn without_and_with(
                 let truth = &made.truth[estimate.object_index].1;
                 sum += estimate.body.map_or(0.0, |body| iou3d_bodies(&body, truth));
                 count += 1.0;
-                if let (Some(Body::Ellipsoid(found)), Body::Ellipsoid(truth), Some(covariance)) =
-                    (estimate.body, truth, estimate.covariance)
+                let ellipsoid = |body: &Body| (body.kind == BodyKind::Ellipsoid).then(|| body.inscribed());
+                if let (Some(found), Some(truth), Some(covariance)) =
+                    (estimate.body.as_ref().and_then(ellipsoid), ellipsoid(truth), estimate.covariance)
                 {
-                    errors.extend(nees(&found, truth, &covariance.matrix));
+                    errors.extend(nees(&found, &truth, &covariance.matrix));
                 }
             }
         }

@@ -1,10 +1,10 @@
 //! Objects from the supporting lines of masks, and from ellipses of which some are of parts.
 
 use nalgebra::{Rotation2, Vector2};
-use quadlift::geometry::{Ellipse, OrientedBox, OutlineEnd, SupportLines};
+use quadlift::geometry::{BodyKind, Ellipse, OrientedBox, OutlineEnd, SupportLines};
 use quadlift::metrics::iou3d_ellipsoids;
 use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, Method, RegOptions};
+use quadlift::solve::{Method, RegOptions};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, generate};
 use quadlift::{LocalizeError, LocalizeOptions, MeasurementKind, localize};
 

@@ -1,12 +1,12 @@
 //! Poses that are refined with the objects.
 
 use quadlift::diagnosis::{BoxFormat, Correction, Mistake};
-use quadlift::geometry::{Projection, rotation_vector};
+use quadlift::geometry::{BodyKind, Projection, rotation_vector};
 use quadlift::metrics::{iou3d_bodies, nees};
 use quadlift::nalgebra::{Rotation3, Vector3, Vector6};
 use quadlift::random::{normal, stream};
 use quadlift::scene::RigCamera;
-use quadlift::solve::{BodyKind, MapOptions, PoseMotion, RefinedPose, Status};
+use quadlift::solve::{MapOptions, PoseMotion, RefinedPose, Status};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift::{Localization, localize};
 

@@ -1,8 +1,9 @@
 //! With noise levels that are given, objects can be localized apart from each other.
 
 use proptest::prelude::*;
+use quadlift::geometry::BodyKind;
 use quadlift::scene::Scene;
-use quadlift::solve::{BodyKind, CategoryPrior, Estimate, Sigmas};
+use quadlift::solve::{CategoryPrior, Estimate, Sigmas};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, generate};
 use quadlift::{Localization, LocalizeOptions, localize};
 
@@ -76,7 +77,7 @@ fn given_levels_are_as_good_as_those_that_are_found() {
         let plain = run(&scene, None, None);
         let again = run(&scene, None, Some(&sigmas_of(&plain)));
         let kinds = |l: &Localization| -> Vec<_> {
-            l.estimates.iter().map(|estimate| estimate.body.as_ref().map(BodyKind::of)).collect()
+            l.estimates.iter().map(|estimate| estimate.body.map(|body| body.kind)).collect()
         };
         other_kinds += kinds(&plain).iter().zip(&kinds(&again)).filter(|(plain, again)| plain != again).count();
         let residuals = |l: &Localization| l.estimates.iter().filter_map(Estimate::rms_residual_px).sum::<f64>();

@@ -2,10 +2,10 @@
 //! err by pixels. Real scenes need all of it; these synthetic ones show what each is worth by itself.
 
 use nalgebra::{Matrix3x4, Point3, Rotation3, Vector2, Vector3};
-use quadlift::geometry::{Body, BoundingBox, CamFromWorld, Cuboid, Intrinsics, Projection, project_bounding_box};
+use quadlift::geometry::{Body, BodyKind, BoundingBox, CamFromWorld, Intrinsics, Projection, project_bounding_box};
 use quadlift::metrics::iou3d_bodies;
 use quadlift::scene::{DetectionInput, Scene, SceneBuilder};
-use quadlift::solve::{BodyKind, CategoryPrior, CategoryPriors, Estimate, MapOptions, SizePrior, Status};
+use quadlift::solve::{CategoryPrior, CategoryPriors, Estimate, MapOptions, SizePrior, Status};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift::{LocalizeOptions, localize};
 
@@ -106,15 +106,16 @@ fn the_height_of_the_cameras_tells_where_the_ground_is() {
 
 /// Cars on level ground, from cameras beside each other 80 m above, whose boxes leave the distance to the priors. Length, width and
 /// height are 8, 4 and 2 % above those of the prior.
-fn cars_from_above(count: usize) -> (Scene, Vec<Cuboid>) {
+fn cars_from_above(count: usize) -> (Scene, Vec<Body>) {
     let mut scene = SceneBuilder::new("cars");
     scene.up([0.0, 0.0, 1.0]).unwrap();
-    let car = |k: usize| Cuboid {
+    let car = |k: usize| Body {
+        kind: BodyKind::Cuboid,
         center: Point3::new(9.0 * k as f64 - 8.0, 5.0 - 4.0 * k as f64, 0.765),
         half_extents: Vector3::new(2.16, 0.858, 0.765),
         rotation: Rotation3::from_axis_angle(&Vector3::z_axis(), 0.4 + 1.1 * k as f64),
     };
-    let cars: Vec<Cuboid> = (0..count).map(car).collect();
+    let cars: Vec<Body> = (0..count).map(car).collect();
     let intrinsics = Intrinsics::new(1500.0, 1500.0, 960.0, 540.0).unwrap();
     for view in 0..5 {
         let frame = view.to_string();
@@ -152,9 +153,9 @@ fn an_object_does_not_stand_on_what_it_alone_tells_of_the_ground() {
         let (scene, truth) = cars_from_above(cars);
         let options = MapOptions { priors: car(on_ground), camera_height, ..Default::default() };
         let estimates = localize(&scene, &LocalizeOptions::from(options)).unwrap().estimates;
-        let one = |(estimate, truth): (&Estimate, &Cuboid)| {
+        let one = |(estimate, truth): (&Estimate, &Body)| {
             assert_eq!(estimate.status, Status::Ok);
-            assert!(matches!(estimate.body, Some(Body::Cuboid(_))), "{:?}", estimate.body);
+            assert!(estimate.body.is_some_and(|body| body.kind == BodyKind::Cuboid), "{:?}", estimate.body);
             let sd = estimate.covariance.as_ref().unwrap().matrix[(2, 2)].sqrt();
             (sd, (estimate.center.unwrap().z - truth.center.z).abs())
         };

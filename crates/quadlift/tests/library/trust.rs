@@ -1,8 +1,8 @@
 //! Covariances know errors that the views of an object have in common, where the residuals show them.
 
-use quadlift::geometry::BoundingBox;
+use quadlift::geometry::{BodyKind, BoundingBox};
 use quadlift::metrics::squared_errors;
-use quadlift::solve::{BodyKind, MapOptions};
+use quadlift::solve::MapOptions;
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift::{Localization, LocalizeOptions, localize};
 

@@ -1,9 +1,8 @@
 //! Objects that stand upright, and those that do not, in scenes whose `up` is known.
 
 use nalgebra::{Unit, Vector3};
-use quadlift::geometry::ConvexBody;
+use quadlift::geometry::{BodyKind, ConvexBody};
 use quadlift::metrics::iou3d_bodies;
-use quadlift::solve::BodyKind;
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
 use quadlift::{LocalizeOptions, localize};
 

@@ -105,7 +105,7 @@ impl<'a> Findings<'a> {
         for (object, body, thing) in self.localized() {
             let views = object.views_used.unwrap_or(0);
             let sizes = body.map(|body| {
-                let mut sizes: [f64; 3] = (body.half_extents() * 2.0).into();
+                let mut sizes: [f64; 3] = (body.half_extents * 2.0).into();
                 sizes.sort_by(|a, b| b.total_cmp(a));
                 sizes.map(|x| number(Some(x), 3)).join(" x ")
             });

@@ -16,7 +16,7 @@ fn every_real_scene_is_read_checked_and_written_back() {
         let objects = file.to_objects().unwrap_or_else(|error| panic!("{}", error.in_file(&path)));
         assert_eq!(scene.frames.len(), file.frames.len());
         assert_eq!(scene.detections.len(), file.detections.len());
-        assert!(!objects.is_empty() && objects.iter().all(|object| object.ellipsoid.is_some()));
+        assert!(!objects.is_empty() && objects.iter().all(|object| object.ellipsoid().is_some()));
         assert!(file.extra.is_empty(), "{:?}", file.extra);
         let mut bytes = Vec::new();
         write_scene(&file, &mut bytes).unwrap();

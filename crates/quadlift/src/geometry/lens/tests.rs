@@ -6,8 +6,8 @@ use rand::{RngExt, SeedableRng};
 
 use super::*;
 use crate::geometry::{
-    BoundingBox, CamFromWorld, CameraError, CameraModel, Cuboid, Ellipse, Ellipsoid, Projection, project_bounding_box,
-    project_ellipsoid,
+    Body, BodyKind, BoundingBox, CamFromWorld, CameraError, CameraModel, Ellipse, Ellipsoid, Projection,
+    project_bounding_box, project_ellipsoid,
 };
 
 /// A camera of each model, of 1000 x 800 pixels, with the distortion of a real wide lens.
@@ -151,7 +151,7 @@ fn rays_of_outline(camera: &Camera, outline: &Ellipse) -> impl Iterator<Item = P
     })
 }
 
-fn points_on_edges(cuboid: &Cuboid) -> impl Iterator<Item = Point3<f64>> {
+fn points_on_edges(cuboid: &Body) -> impl Iterator<Item = Point3<f64>> {
     let corners = cuboid.corners();
     let pairs = (0..8).flat_map(|i| (0..8).map(move |j| (i, j)));
     pairs.flat_map(move |(i, j)| (0..=20).map(move |t| corners[i] + (corners[j] - corners[i]) * (f64::from(t) / 20.0)))
@@ -171,7 +171,7 @@ fn box_errors(model: CameraModel, cuboids: bool) -> [f64; 2] {
         let center = Point3::new(depth * uniform(-0.65, 0.65), depth * uniform(-0.5, 0.5), depth);
         let size = Vector3::from_fn(|_, _| uniform(0.3, 0.8));
         let rotation = Rotation3::from_euler_angles(uniform(-3.0, 3.0), uniform(-1.5, 1.5), uniform(-3.0, 3.0));
-        let cuboid = Cuboid { center, half_extents: size, rotation };
+        let cuboid = Body { kind: BodyKind::Cuboid, center, half_extents: size, rotation };
         let ellipsoid = Ellipsoid { center, semi_axes: size, rotation };
         let (seen, expected) = if cuboids {
             (distorted_box(&camera, points_on_edges(&cuboid)), project_bounding_box(&projection, &cuboid))

@@ -40,7 +40,7 @@ pub(crate) fn solve_closed_form(object: &ObjectViews, method: &Method, enclosing
     };
     match solution {
         Ok(Ok(ellipsoid)) => {
-            let body = Body::Ellipsoid(ellipsoid);
+            let body = Body::from(ellipsoid);
             describe(blank(Status::Ok), body, &object.views, |_| true, enclosing_quantile)
         }
         Ok(Err(EllipsoidError::NotAnEllipsoid { center, .. })) => {

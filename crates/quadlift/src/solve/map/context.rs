@@ -6,9 +6,10 @@ use nalgebra::{Point3, Unit, Vector3};
 
 use super::shared::pose_points::PosePoints;
 use super::shared::pose_unknowns::PoseUnknowns;
+use crate::geometry::BodyKind;
 use crate::observer::Watch;
 use crate::scene::ObjectViews;
-use crate::solve::options::{BodyKind, CategoryPrior, MapOptions};
+use crate::solve::options::{CategoryPrior, MapOptions};
 
 /// Data shared by the objects of a scene.
 #[derive(Debug, Clone)]

@@ -24,11 +24,12 @@ pub(crate) use self::shared::pose_unknowns::PoseUnknowns;
 use super::cue_scale::CueScale;
 use super::estimate::Estimate;
 use super::learnt_size::LearntCategorySize;
-use super::options::{BodyKind, PoseNoise};
+use super::options::PoseNoise;
 use super::pose_points_report::PosePointsReport;
 use super::prediction::{Fold, FoldPrediction, predict_fold};
 use super::refined_pose::RefinedPose;
 use super::sigmas::Sigmas;
+use crate::geometry::BodyKind;
 use crate::parallel::map_indices;
 use crate::scene::ObjectViews;
 

@@ -113,7 +113,7 @@ impl Fit {
 /// Whether the surfaces of two bodies differ by more than [`MIN_SURFACE_DIFFERENCE`], seen from 26 directions between these axes. Where the symmetry of a
 /// cuboid gives the same body other axes the surfaces are the same.
 fn are_different(a: &Body, b: &Body, axes: &Matrix3<f64>) -> bool {
-    let size = a.half_extents().product().cbrt();
+    let size = a.half_extents.product().cbrt();
     let shift = b.center() - a.center();
     (0..27).any(|k| {
         let direction = Vector3::new(k % 3, k / 3 % 3, k / 9).map(|x| f64::from(x - 1));
@@ -154,7 +154,7 @@ fn difference(from: &Body, to: &Body) -> nalgebra::SVector<f64, 9> {
 }
 
 fn axes_of(body: &Body) -> (Matrix3<f64>, Vector3<f64>) {
-    (*body.rotation().matrix(), body.half_extents())
+    (*body.rotation.matrix(), body.half_extents)
 }
 
 /// The 24 rotations of a cube: which axis of the body gets which name and direction.
@@ -176,11 +176,11 @@ mod tests {
     use nalgebra::Point3;
 
     use super::*;
-    use crate::geometry::Cuboid;
+    use crate::geometry::{Body, BodyKind};
 
     fn cuboid(yaw: f64, half_extents: [f64; 3]) -> Body {
         let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), yaw);
-        Body::Cuboid(Cuboid { center: Point3::new(1.0, 2.0, 3.0), half_extents: half_extents.into(), rotation })
+        Body { kind: BodyKind::Cuboid, center: Point3::new(1.0, 2.0, 3.0), half_extents: half_extents.into(), rotation }
     }
 
     #[test]

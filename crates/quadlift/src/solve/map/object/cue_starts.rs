@@ -5,8 +5,8 @@ use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
-use crate::body_model::oriented::{Form, OrientedModel};
-use crate::geometry::{Ellipse, Projection};
+use crate::body_model::oriented::OrientedModel;
+use crate::geometry::{BodyKind, Ellipse, Projection};
 use crate::scene::View;
 use crate::solve::conditioning::{ObjectFrame, axes_of};
 use crate::solve::options::CategoryPrior;
@@ -97,19 +97,19 @@ pub(crate) fn ellipsoids_from_cues(views: &[View], frame: &ObjectFrame) -> Vec<E
     std::iter::once(sphere).chain(boxes(views, frame).into_iter().filter_map(of_box)).collect()
 }
 
-/// Bodies of a form, where an ellipsoid was fitted, turned as the 3D boxes are.
+/// Bodies of a kind, where an ellipsoid was fitted, turned as the 3D boxes are.
 pub(crate) fn oriented_from_cues(
     views: &[View],
     frame: &ObjectFrame,
     ellipsoid: &EllipsoidModel,
-    form: Form,
+    kind: BodyKind,
 ) -> Vec<OrientedModel> {
     if views.iter().all(|view| view.cues.box3d.is_none()) {
         return Vec::new();
     }
-    let round = Vector3::repeat(ellipsoid.semi_axes().product().cbrt() * form.relative_size());
+    let round = Vector3::repeat(ellipsoid.semi_axes().product().cbrt() * kind.relative_size());
     boxes(views, frame)
         .into_iter()
-        .map(|(axes, half)| OrientedModel::new(*ellipsoid.center(), axes, half.unwrap_or(round), form))
+        .map(|(axes, half)| OrientedModel::new(*ellipsoid.center(), axes, half.unwrap_or(round), kind))
         .collect()
 }

@@ -6,8 +6,8 @@ use proptest::prelude::*;
 use super::jacobian_tests::projection;
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
-use crate::body_model::oriented::{Form, OrientedModel};
-use crate::geometry::{Body, BoundingBox, CamFromWorld, Cuboid, Intrinsics, Projection, project_bounding_box};
+use crate::body_model::oriented::OrientedModel;
+use crate::geometry::{Body, BodyKind, BoundingBox, CamFromWorld, Intrinsics, Projection, project_bounding_box};
 use crate::scene::{Box3dCue, Cues, DepthCue, View};
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::map::noise::groups::NoiseGroup;
@@ -93,7 +93,7 @@ proptest! {
     #[test]
     fn rows_of_oriented_bodies(a in -0.4..0.4f64, b in -0.4..0.4f64, x in -0.5..0.5f64, q in 1.1..2.0f64) {
         let axes = frame().axes.tr_mul(&rotation(0.4, -0.3, 0.9)) * rotation(a, b, 0.1);
-        for form in [Form::Cuboid, Form::Cylinder, Form::Exponent(q)] {
+        for form in [BodyKind::Cuboid, BodyKind::Cylinder, BodyKind::Superellipsoid(q)] {
             let body = OrientedModel::new(Vector3::new(x, -0.2, 0.1), axes, Vector3::new(1.2, 0.8, 0.6), form);
             // The near side has a kink where a component of the ray through the middle of the box vanishes.
             let ray = ray_of(&measured(0.0));
@@ -123,12 +123,12 @@ fn at_the_truth_only_the_scale_is_left() {
             }
         };
         check(rows(&m, &EllipsoidModel::from_axes(local, turned_axes, half / frame().unit)));
-        check(rows(&m, &OrientedModel::new(local, turned_axes, half / frame().unit, Form::Cuboid)));
+        check(rows(&m, &OrientedModel::new(local, turned_axes, half / frame().unit, BodyKind::Cuboid)));
         // The same body with its axes named in another order, one of them reversed.
         let [a, b, c] = [0, 1, 2].map(|k| turned_axes.column(k).into_owned());
         let other = Matrix3::from_columns(&[b, -a, c]);
         let turned = Vector3::new(half.y, half.x, half.z) / frame().unit;
-        check(rows(&m, &OrientedModel::new(local, other, turned, Form::Cuboid)));
+        check(rows(&m, &OrientedModel::new(local, other, turned, BodyKind::Cuboid)));
     }
 }
 
@@ -138,7 +138,7 @@ fn a_near_cuboid_is_seen_in_perspective() {
     let turned = Rotation3::from_euler_angles(0.0, 10f64.to_radians(), 0.0)
         * Rotation3::from_axis_angle(&Vector3::y_axis(), 0.5 * std::f64::consts::PI);
     let half_extents = Vector3::new(2.0, 0.75, 0.85);
-    let car = Cuboid { center: Point3::new(0.0, 0.9, 6.0), half_extents, rotation: turned };
+    let car = Body { kind: BodyKind::Cuboid, center: Point3::new(0.0, 0.9, 6.0), half_extents, rotation: turned };
     let intrinsics = Intrinsics::new(720.0, 720.0, 620.0, 190.0).unwrap();
     let at_origin = CamFromWorld::new(nalgebra::Matrix3x4::identity()).unwrap();
     let projection = Projection::from_camera(&intrinsics, &at_origin);
@@ -150,10 +150,10 @@ fn a_near_cuboid_is_seen_in_perspective() {
     let mut m = Measurements::new(frame(), std::slice::from_ref(&view), true, false);
     let local = frame().point_from_world(&car.center);
     let body =
-        OrientedModel::new(local, frame().axes.tr_mul(turned.matrix()), half_extents / frame().unit, Form::Cuboid);
+        OrientedModel::new(local, frame().axes.tr_mul(turned.matrix()), half_extents / frame().unit, BodyKind::Cuboid);
     let off = |m: &Measurements| rows(m, &body).0[0] * NoiseLevels::new(67.0).of(NoiseGroup::Depth);
     assert!((off(&m) + 0.226).abs() < 0.005, "{}", off(&m));
-    m.look_at(&body, &Body::Cuboid(car), &[view]);
+    m.look_at(&body, &car, &[view]);
     assert!(off(&m).abs() < 0.01, "{}", off(&m));
     // The slopes are those of the closed form.
     let one = |step: f64| {
@@ -192,9 +192,9 @@ fn the_near_side_is_where_rays_meet_the_body() {
     let round = depths(&|x| x.norm() < 1.0);
     let ellipsoid = EllipsoidModel::from_axes(Vector3::zeros(), axes, sizes).near_side(&ray).0;
     assert!((ellipsoid - round[round.len() / 2]).abs() < 0.02, "{ellipsoid} {}", round[round.len() / 2]);
-    assert!((near(Form::Exponent(2.0)) - ellipsoid).abs() < 1e-12);
+    assert!((near(BodyKind::Superellipsoid(2.0)) - ellipsoid).abs() < 1e-12);
     let cuboid = mean(&depths(&|x| x.amax() < 1.0));
-    assert!((near(Form::Cuboid) - cuboid).abs() < 0.02, "{} {cuboid}", near(Form::Cuboid));
+    assert!((near(BodyKind::Cuboid) - cuboid).abs() < 0.02, "{} {cuboid}", near(BodyKind::Cuboid));
     let cylinder = mean(&depths(&|x| x.xy().norm() < 1.0 && x.z.abs() < 1.0));
-    assert!((near(Form::Cylinder) - cylinder).abs() < 0.02, "{} {cylinder}", near(Form::Cylinder));
+    assert!((near(BodyKind::Cylinder) - cylinder).abs() < 0.02, "{} {cylinder}", near(BodyKind::Cylinder));
 }

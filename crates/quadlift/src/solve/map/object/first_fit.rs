@@ -7,11 +7,11 @@ use super::problem::{FROM_START, ObjectProblem};
 use super::starts::{centers_from_size, oriented_starts};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
-use crate::body_model::oriented::{Form, OrientedModel};
+use crate::body_model::oriented::OrientedModel;
+use crate::geometry::BodyKind;
 use crate::optimize::levenberg_marquardt::{Stop, minimize};
 use crate::optimize::normal_equations::NormalEquations;
 use crate::solve::map::noise::levels::NoiseLevels;
-use crate::solve::options::BodyKind;
 
 /// Position and size for a start with a given rotation.
 const IN_PLACE: Stop = Stop { evaluations: 4, promised_decrease: 1.0 };
@@ -65,15 +65,12 @@ impl ObjectProblem {
         turned: usize,
     ) -> Vec<(Model, NormalEquations)> {
         let objective = self.objective(noise, outlier_scale);
-        let form = match self.kind {
-            BodyKind::Ellipsoid => return Vec::new(),
-            BodyKind::Superellipsoid(exponent) => Form::Exponent(exponent),
-            BodyKind::Cylinder => Form::Cylinder,
-            BodyKind::Cuboid => Form::Cuboid,
-        };
+        if !self.has_several_starts() {
+            return Vec::new();
+        }
         let centers = centers_from_size(&self.views, &self.measurements.frame, &self.prior);
-        let mut starts = oriented_from_cues(&self.views.views, &self.measurements.frame, ellipsoid, form);
-        starts.extend(oriented_starts(ellipsoid, form, &self.prior, &centers, round));
+        let mut starts = oriented_from_cues(&self.views.views, &self.measurements.frame, ellipsoid, self.kind);
+        starts.extend(oriented_starts(ellipsoid, self.kind, &self.prior, &centers, round));
         // Where the size of the category is known few starts differ in more than their place.
         let turned = if self.prior.log_size.is_some() { ALL } else { turned };
         descended(&objective, starts, turned)

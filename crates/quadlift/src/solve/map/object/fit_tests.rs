@@ -11,6 +11,7 @@ use super::model::Model;
 use super::problem::ObjectProblem;
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
+use crate::geometry::BodyKind;
 use crate::geometry::rotation::horizontal_basis;
 use crate::observer::{Unobserved, Watch};
 use crate::optimize::normal_equations::NormalEquations;
@@ -24,7 +25,7 @@ use crate::solve::map::shared::ground::{GroundPlane, LowestPoint};
 use crate::solve::map::shared::pose_prior::PosePrior;
 use crate::solve::map::shared::pose_terms::SceneTerms;
 use crate::solve::map::shared::poses::PoseCorrections;
-use crate::solve::options::{BodyKind, MapOptions, PoseNoise};
+use crate::solve::options::{MapOptions, PoseNoise};
 use crate::synthetic::{Observations, SyntheticOptions, generate};
 
 /// An object of five views, with a ball for its body, and the options.

@@ -8,8 +8,8 @@ use super::prior::{LearntSize, ObjectPrior};
 use super::size_site::{Matrix6, ShapeInformation, SizeSite, Vector6};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
-use crate::body_model::oriented::{Form, OrientedModel};
-use crate::geometry::{BoundingBox, CamFromWorld, Ellipse, Intrinsics, Projection};
+use crate::body_model::oriented::OrientedModel;
+use crate::geometry::{BodyKind, BoundingBox, CamFromWorld, Ellipse, Intrinsics, Projection};
 use crate::optimize::normal_equations::NormalEquations;
 use crate::scene::View;
 use crate::solve::conditioning::ObjectFrame;
@@ -177,7 +177,7 @@ proptest! {
     #[test]
     fn rows_of_a_cylinder(a in -3.0..3.0f64, b in -1.5..1.5f64, x in -0.5..0.5f64, c in 0.3..2.0f64) {
         let body =
-            OrientedModel::new(Vector3::new(x, 0.1, 0.2), rotation(a, b, 0.3), Vector3::new(1.2, 0.8, c), Form::Cylinder);
+            OrientedModel::new(Vector3::new(x, 0.1, 0.2), rotation(a, b, 0.3), Vector3::new(1.2, 0.8, c), BodyKind::Cylinder);
         // At a rim, and at the axis, the support function has a kink.
         let smooth = |edge: &crate::solve::map::residuals::measurements::Edge| {
             let u = body.axes().tr_mul(&edge.plane.n).normalize();
@@ -189,7 +189,7 @@ proptest! {
 
     #[test]
     fn rows_of_a_superellipsoid(a in -3.0..3.0f64, b in -1.5..1.5f64, x in -0.5..0.5f64, q in 1.2..2.0f64) {
-        let body = OrientedModel::new(Vector3::new(x, 0.1, 0.2), rotation(a, b, 0.3), Vector3::new(1.2, 0.8, 0.6), Form::Exponent(q));
+        let body = OrientedModel::new(Vector3::new(x, 0.1, 0.2), rotation(a, b, 0.3), Vector3::new(1.2, 0.8, 0.6), BodyKind::Superellipsoid(q));
         // Where a component of R^T n vanishes the curvature of the support function has no bound, and differences tell
         // nothing.
         let smooth = |edge: &crate::solve::map::residuals::measurements::Edge| {
@@ -229,7 +229,7 @@ proptest! {
 
     #[test]
     fn priors_of_a_superellipsoid(a in -3.0..3.0f64, b in -1.5..1.5f64, up in -1.0..1.0f64) {
-        let body = OrientedModel::new(Vector3::new(0.1, 0.2, 0.3), rotation(a, b, 0.7), Vector3::new(1.7, 1.1, 0.6), Form::Exponent(1.4));
+        let body = OrientedModel::new(Vector3::new(0.1, 0.2, 0.3), rotation(a, b, 0.7), Vector3::new(1.7, 1.1, 0.6), BodyKind::Superellipsoid(1.4));
         check_priors(&prior(Vector3::new(up, 0.3, 0.8)), &body);
     }
 }
@@ -241,7 +241,7 @@ proptest! {
         let sizes = Vector3::new(1.7, 1.1, 0.6);
         let prior = learnt(up, false);
         prop_assert!(prior.learnt_size.is_some());
-        check_priors(&prior, &OrientedModel::new(center, axes, sizes, Form::Cuboid));
+        check_priors(&prior, &OrientedModel::new(center, axes, sizes, BodyKind::Cuboid));
         let prior = learnt(up, true);
         prop_assert!(prior.size_site.is_some());
         check_priors(&prior, &EllipsoidModel::from_axes(center, axes, sizes));
@@ -256,7 +256,7 @@ fn rows_of_a_sphere_and_of_a_cuboid_away_from_its_kinks() {
         Vector3::new(0.1, 0.1, 0.2),
         rotation(0.5, 0.3, 0.9),
         Vector3::new(1.2, 0.8, 0.6),
-        Form::Exponent(1.0),
+        BodyKind::Superellipsoid(1.0),
     );
     check_rows(&measurements(true), &cuboid);
 }

@@ -5,9 +5,9 @@ use nalgebra::{Matrix3, Rotation3, SVector, Vector3};
 
 use super::covariance;
 use crate::body_model::ellipsoid::EllipsoidModel;
-use crate::body_model::oriented::{Form, OrientedModel};
+use crate::body_model::oriented::OrientedModel;
 use crate::body_model::{BodyModel, MeasuredShape, ShapeDifference};
-use crate::geometry::{Body, ConvexBody, Cuboid, Cylinder, Ellipsoid, Superellipsoid};
+use crate::geometry::{Body, BodyKind};
 use crate::optimize::normal_equations::{NormalEquations, Row};
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::estimate::{CovarianceCoordinates, Matrix9};
@@ -93,49 +93,36 @@ impl BodyModel for Model {
 impl Model {
     /// The model of a body in the world, in an object's frame.
     pub(crate) fn of_body(body: &Body, frame: &ObjectFrame) -> Self {
-        let form = match body {
-            Body::Ellipsoid(Ellipsoid { center, semi_axes, rotation }) => {
-                let axes = frame.axes.tr_mul(rotation.matrix());
-                let center = frame.point_from_world(center);
-                return Self::Ellipsoid(EllipsoidModel::from_axes(center, axes, semi_axes / frame.unit));
-            }
-            Body::Cuboid(_) => Form::Cuboid,
-            Body::Cylinder(_) => Form::Cylinder,
-            Body::Superellipsoid(body) => Form::Exponent(body.support_exponent),
-        };
-        let center = frame.point_from_world(&body.center());
-        let semi_axes = body.half_extents() / frame.unit;
-        Self::Oriented(OrientedModel::new(center, frame.axes.tr_mul(body.rotation().matrix()), semi_axes, form))
+        let (center, axes) = (frame.point_from_world(&body.center), frame.axes.tr_mul(body.rotation.matrix()));
+        Self::new(body.kind, center, axes, body.half_extents / frame.unit)
+    }
+
+    fn new(kind: BodyKind, center: Vector3<f64>, axes: Matrix3<f64>, semi_axes: Vector3<f64>) -> Self {
+        if kind == BodyKind::Ellipsoid {
+            return Self::Ellipsoid(EllipsoidModel::from_axes(center, axes, semi_axes));
+        }
+        Self::Oriented(OrientedModel::new(center, axes, semi_axes, kind))
+    }
+
+    /// Its kind.
+    fn kind(&self) -> BodyKind {
+        match self {
+            Self::Ellipsoid(_) => BodyKind::Ellipsoid,
+            Self::Oriented(model) => model.kind(),
+        }
     }
 
     /// A body of the same kind about the same axes with other semi-axes.
     pub(crate) fn of_size(&self, semi_axes: Vector3<f64>) -> Self {
-        match self {
-            Self::Ellipsoid(model) => {
-                Self::Ellipsoid(EllipsoidModel::from_axes(*model.center(), *model.axes(), semi_axes))
-            }
-            Self::Oriented(model) => {
-                Self::Oriented(OrientedModel::new(*model.center(), *model.axes(), semi_axes, model.form()))
-            }
-        }
+        Self::new(self.kind(), *self.center(), *self.axes(), semi_axes)
     }
 
     /// The body in the world.
     pub(crate) fn body_in_world(&self, frame: &ObjectFrame) -> Body {
         let center = frame.point_in_world(self.center());
-        let semi_axes = self.semi_axes() * frame.unit;
+        let half_extents = self.semi_axes() * frame.unit;
         let rotation = Rotation3::from_matrix_unchecked(frame.axes * self.axes());
-        let form = match self {
-            Self::Ellipsoid(_) => return Body::Ellipsoid(Ellipsoid { center, semi_axes, rotation }),
-            Self::Oriented(model) => model.form(),
-        };
-        match form {
-            Form::Cuboid => Body::Cuboid(Cuboid { center, half_extents: semi_axes, rotation }),
-            Form::Cylinder => Body::Cylinder(Cylinder::from_half_extents(center, semi_axes, rotation)),
-            Form::Exponent(support_exponent) => {
-                Body::Superellipsoid(Superellipsoid { center, semi_axes, rotation, support_exponent })
-            }
-        }
+        Body { center, rotation, half_extents, kind: self.kind() }
     }
 
     /// Logarithm of the density of a body that stands, tilted with this standard deviation (radians), at zero tilt, over that

@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::size_site::SizeSite;
 use crate::body_model::{BodyModel, descending};
+use crate::geometry::BodyKind;
 use crate::geometry::linalg::{cholesky, invert_spd};
 use crate::optimize::normal_equations::{NormalEquations, Row};
 use crate::optimize::student_t::StudentT;
@@ -11,7 +12,6 @@ use crate::scene::ObjectViews;
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::map::context::MapContext;
 use crate::solve::map::shared::size_model::{SizeDistribution, first_order, orders};
-use crate::solve::options::BodyKind;
 
 /// Standard deviation of the tilt of an object that stands, radians (3 degrees): of the object, and of `up` itself.
 pub(crate) const TILT_SD: f64 = 0.05;

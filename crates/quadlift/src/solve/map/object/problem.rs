@@ -8,6 +8,7 @@ use super::prior::{ObjectPrior, TILT_SD, object_prior};
 use super::starts::{centers_from_size, ellipsoid_from_quadric, unit_sphere, upright_ellipsoids};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
+use crate::geometry::BodyKind;
 use crate::optimize::levenberg_marquardt::{Stop, minimize};
 use crate::scene::ObjectViews;
 use crate::solve::closed_form::planes::planes_in_frame;
@@ -18,7 +19,6 @@ use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::residuals::measurements::Measurements;
 use crate::solve::map::shared::cue_scales::CueScales;
 use crate::solve::map::shared::poses::PoseCorrections;
-use crate::solve::options::BodyKind;
 
 /// From a start: many steps, no need to end exactly.
 pub(crate) const FROM_START: Stop = Stop { evaluations: 40, promised_decrease: 1e-2 };

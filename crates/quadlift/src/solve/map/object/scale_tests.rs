@@ -7,11 +7,12 @@ use super::fit::Fit;
 use super::model::Model;
 use super::problem::ObjectProblem;
 use crate::body_model::ellipsoid::EllipsoidModel;
+use crate::geometry::BodyKind;
 use crate::observer::{Unobserved, Watch};
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::shared::cue_scales::{CueScales, Ratios};
-use crate::solve::options::{BodyKind, MapOptions};
+use crate::solve::options::MapOptions;
 use crate::synthetic::{CueOptions, Observations, SyntheticOptions, generate, simulate_cues};
 use nalgebra::{Matrix3, Vector3};
 

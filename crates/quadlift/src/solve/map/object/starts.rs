@@ -6,10 +6,10 @@ use super::prior::ObjectPrior;
 use super::spread_rotations::spread_rotations;
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
-use crate::body_model::oriented::{Form, OrientedModel};
-use crate::geometry::DualQuadric;
+use crate::body_model::oriented::OrientedModel;
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::rotation::horizontal_basis;
+use crate::geometry::{BodyKind, DualQuadric};
 use crate::scene::{BORDER_TOLERANCE_PX, ObjectViews, View, edges_at_border};
 use crate::solve::conditioning::ObjectFrame;
 
@@ -39,26 +39,26 @@ pub(crate) fn ellipsoid_from_quadric(quadric: &DualQuadric) -> Option<EllipsoidM
     (largest > 1e-6 && largest < 1e6).then(|| EllipsoidModel::from_axes(center.coords, axes, clamped))
 }
 
-/// Starts of a body of a form, from a fitted ellipsoid.
+/// Starts of a body of a kind, from a fitted ellipsoid.
 ///
 /// With a category size they are upright boxes of that size in four directions at `centers`; otherwise the ellipsoid's
 /// own axes, those turned by 45 degrees ([`turned_axes`]) and rotations spread evenly, or its own axes set upright where `up` is known
 /// and asked for.
 pub(crate) fn oriented_starts(
     ellipsoid: &EllipsoidModel,
-    form: Form,
+    kind: BodyKind,
     prior: &ObjectPrior,
     centers: &[Vector3<f64>],
     round: usize,
 ) -> Vec<OrientedModel> {
-    let semi_axes = ellipsoid.semi_axes() * form.relative_size();
+    let semi_axes = ellipsoid.semi_axes() * kind.relative_size();
     let upright = prior.up.filter(|_| prior.upright_weight > 0.0);
     let mut starts = Vec::new();
     match (upright, prior.log_size) {
         (Some(up), None) => {
             let Some((axes, sizes)) = set_upright(ellipsoid, &up) else { return starts };
-            let sizes = sizes * form.relative_size();
-            starts.push(OrientedModel::new(*ellipsoid.center(), axes, sizes, form));
+            let sizes = sizes * kind.relative_size();
+            starts.push(OrientedModel::new(*ellipsoid.center(), axes, sizes, kind));
         }
         (Some(up), Some(size)) => {
             let semi_axes = Vector3::from(size.map(|(mean, _)| mean.exp()));
@@ -66,7 +66,7 @@ pub(crate) fn oriented_starts(
             all.extend_from_slice(centers);
             for center in all {
                 for axes in upright_axes(&up) {
-                    starts.push(OrientedModel::new(center, right_handed(axes), semi_axes, form));
+                    starts.push(OrientedModel::new(center, right_handed(axes), semi_axes, kind));
                 }
             }
         }
@@ -74,25 +74,21 @@ pub(crate) fn oriented_starts(
             let sizes = Vector3::from(size.map(|(mean, _)| mean.exp()));
             let own = right_handed(*ellipsoid.axes());
             for rotation in std::iter::once(own).chain(spread_rotations(round)) {
-                starts.push(OrientedModel::new(*ellipsoid.center(), rotation, sizes, form));
+                starts.push(OrientedModel::new(*ellipsoid.center(), rotation, sizes, kind));
             }
         }
         (None, None) => {
             let mean = Vector3::repeat(semi_axes.product().cbrt());
             for (axes, semi_axes) in turned_axes(ellipsoid, prior) {
-                let semi_axes = semi_axes * form.relative_size();
-                starts.push(OrientedModel::new(*ellipsoid.center(), axes, semi_axes, form));
+                let semi_axes = semi_axes * kind.relative_size();
+                starts.push(OrientedModel::new(*ellipsoid.center(), axes, semi_axes, kind));
             }
             for rotation in spread_rotations(round) {
-                starts.push(OrientedModel::new(*ellipsoid.center(), rotation, mean, form));
+                starts.push(OrientedModel::new(*ellipsoid.center(), rotation, mean, kind));
             }
         }
     }
-    match form {
-        Form::Cuboid | Form::Exponent(_) => starts,
-        Form::Cylinder if prior.log_size.is_some() => starts,
-        Form::Cylinder => starts.iter().flat_map(along_each_axis).collect(),
-    }
+    if kind.has_axis() && prior.log_size.is_none() { starts.iter().flat_map(along_each_axis).collect() } else { starts }
 }
 
 /// A start of a cylinder with its axis along each of the three axes.
@@ -100,7 +96,7 @@ pub(crate) fn along_each_axis(start: &OrientedModel) -> [OrientedModel; 3] {
     [[0, 1, 2], [1, 2, 0], [2, 0, 1]].map(|order| {
         let axes = Matrix3::from_columns(&order.map(|k| start.axes().column(k).into_owned()));
         let sizes = Vector3::from(order.map(|k| start.semi_axes()[k]));
-        OrientedModel::new(*start.center(), axes, sizes, start.form())
+        OrientedModel::new(*start.center(), axes, sizes, start.kind())
     })
 }
 

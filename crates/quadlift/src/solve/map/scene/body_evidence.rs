@@ -9,7 +9,8 @@ use nalgebra::{SVector, Vector3};
 
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
-use crate::body_model::oriented::{Form, OrientedModel};
+use crate::body_model::oriented::OrientedModel;
+use crate::geometry::BodyKind;
 use crate::geometry::linalg::solve_spd;
 use crate::optimize::normal_equations::{NormalEquations, PARAMETERS};
 use crate::scene::Cues;
@@ -23,7 +24,6 @@ use crate::solve::map::object::model::Model;
 use crate::solve::map::object::objective::{Objective, student_t};
 use crate::solve::map::object::problem::ObjectProblem;
 use crate::solve::map::object::starts::{along_each_axis, oriented_starts, turned_axes};
-use crate::solve::options::BodyKind;
 
 /// The tested exponents of superellipsoids.
 pub(crate) const EXPONENTS: [f64; 3] = [1.75, 1.5, 1.25];
@@ -33,6 +33,16 @@ pub(crate) const KINDS: usize = EXPONENTS.len() + 3;
 pub(crate) const ELLIPSOID: usize = 0;
 pub(crate) const CUBOID: usize = KINDS - 2;
 pub(crate) const CYLINDER: usize = KINDS - 1;
+
+/// The kind with an index.
+pub(crate) fn kind_of(index: usize) -> BodyKind {
+    match index {
+        ELLIPSOID => BodyKind::Ellipsoid,
+        CUBOID => BodyKind::Cuboid,
+        CYLINDER => BodyKind::Cylinder,
+        k => BodyKind::Superellipsoid(EXPONENTS[k - 1]),
+    }
+}
 
 /// A cylinder has eight ways to name its axes where a cuboid has 24: twice the logarithm of the ratio.
 const LOG_AXES_OF_CYLINDER: f64 = 2.197_224_577_336_219_6;
@@ -44,25 +54,6 @@ const ANY_SD: f64 = 0.566;
 
 /// Degrees of freedom of the prior on an object's noise, which is centered on the noise of the scene.
 const DOF_OF_SCENE: f64 = 8.0;
-
-/// The kind with this index.
-pub(crate) fn kind_of(index: usize) -> BodyKind {
-    match index {
-        ELLIPSOID => BodyKind::Ellipsoid,
-        CUBOID => BodyKind::Cuboid,
-        CYLINDER => BodyKind::Cylinder,
-        k => BodyKind::Superellipsoid(EXPONENTS[k - 1]),
-    }
-}
-
-fn form_of(index: usize) -> Form {
-    match index {
-        ELLIPSOID => Form::Exponent(2.0),
-        CUBOID => Form::Cuboid,
-        CYLINDER => Form::Cylinder,
-        k => Form::Exponent(EXPONENTS[k - 1]),
-    }
-}
 
 /// Logarithms of the variances over which the noise of an object is integrated, relative to that of the scene.
 const LOG_VARIANCES: [f64; 2] = [-4.0, 12.0];
@@ -129,31 +120,31 @@ impl BodyEvidence {
         let fits = std::array::from_fn(|_| None);
         let heavy_tails = context.options.heavy_tails;
         let mut evidence = Self { category: views.category_index, sized, log_wrong, heavy_tails, fits };
-        let round = search.starts(Form::Exponent(2.0)).into_iter().take(1).collect();
+        let round = search.starts(BodyKind::Ellipsoid).into_iter().take(1).collect();
         evidence.take(ELLIPSOID, &search, round, 1);
         evidence.fits[ELLIPSOID].as_ref()?;
-        let any_way = oriented_starts(&search.ellipsoid, Form::Cuboid, &search.object.prior, &[], 0);
+        let any_way = oriented_starts(&search.ellipsoid, BodyKind::Cuboid, &search.object.prior, &[], 0);
         evidence.take(CUBOID, &search, any_way, ALL);
         // Bodies that are about as angular have about the same place, size and directions.
         for kind in (1..CUBOID).rev() {
-            let mut starts = search.starts(form_of(kind));
-            starts.extend(evidence.like(kind + 1, form_of(kind)));
+            let mut starts = search.starts(kind_of(kind));
+            starts.extend(evidence.like(kind + 1, kind_of(kind)));
             evidence.take(kind, &search, starts, ALL);
         }
         for kind in 2..=CUBOID {
-            let like = evidence.like(kind - 1, form_of(kind)).into_iter().collect();
+            let like = evidence.like(kind - 1, kind_of(kind)).into_iter().collect();
             evidence.take(kind, &search, like, 1);
         }
-        let lying = search.starts(Form::Cylinder).into_iter().chain(evidence.like(CUBOID, Form::Cylinder));
+        let lying = search.starts(BodyKind::Cylinder).into_iter().chain(evidence.like(CUBOID, BodyKind::Cylinder));
         evidence.take(CYLINDER, &search, lying.flat_map(|start| along_each_axis(&start)).collect(), ALL);
         Some(evidence)
     }
 
-    /// The fitted body of a kind as a start of another one.
-    fn like(&self, kind: usize, form: Form) -> Option<OrientedModel> {
-        let body = &self.fits[kind].as_ref()?.body;
-        let sizes = body.semi_axes() * (form.relative_size() / form_of(kind).relative_size());
-        Some(OrientedModel::new(*body.center(), *body.axes(), sizes, form))
+    /// The fitted body of another kind as a start of this one.
+    fn like(&self, other: usize, kind: BodyKind) -> Option<OrientedModel> {
+        let body = &self.fits[other].as_ref()?.body;
+        let sizes = body.semi_axes() * (kind.relative_size() / kind_of(other).relative_size());
+        Some(OrientedModel::new(*body.center(), *body.axes(), sizes, kind))
     }
 
     /// The evidence of a kind, from these starts, of which so many are turned, if they lead to a better fit than there was.
@@ -302,9 +293,9 @@ impl<'a> BodySearch<'a> {
     }
 
     /// From the axes of the ellipsoid and from those turned by 45 degrees.
-    fn starts(&self, form: Form) -> Vec<OrientedModel> {
-        let (center, size) = (*self.fit.body.center(), form.relative_size());
-        let start = |(axes, sizes): (_, Vector3<f64>)| OrientedModel::new(center, axes, sizes * size, form);
+    fn starts(&self, kind: BodyKind) -> Vec<OrientedModel> {
+        let (center, size) = (*self.fit.body.center(), kind.relative_size());
+        let start = |(axes, sizes): (_, Vector3<f64>)| OrientedModel::new(center, axes, sizes * size, kind);
         turned_axes(&self.ellipsoid, &self.object.prior).into_iter().map(start).collect()
     }
 }

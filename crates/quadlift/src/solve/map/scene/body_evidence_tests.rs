@@ -74,7 +74,7 @@ fn the_sum_over_variances_is_the_integral() {
 /// A cylinder whose radii differ by a factor, and measurements that tell every parameter with this deviation.
 fn of_radii(factor: f64, sd: f64) -> f64 {
     let sizes = Vector3::new(factor, 1.0, 2.0);
-    let body = OrientedModel::new(Vector3::zeros(), Matrix3::identity(), sizes, Form::Cylinder);
+    let body = OrientedModel::new(Vector3::zeros(), Matrix3::identity(), sizes, BodyKind::Cylinder);
     let mut equations = NormalEquations::zero();
     for k in 0..PARAMETERS {
         let row = std::array::from_fn(|i| if i == k { 1.0 } else { 0.0 });
@@ -155,7 +155,7 @@ fn the_freedom_is_that_of_the_normal_equations_and_the_priors() {
         assert!(evidence.fits[CYLINDER].as_ref().unwrap().cost < best + 1.0);
         // Starts that lead nowhere leave what was found.
         let mut again = evidence.clone();
-        let bad = OrientedModel::new(Vector3::repeat(0.5), Matrix3::identity(), Vector3::repeat(3.0), Form::Cuboid);
+        let bad = OrientedModel::new(Vector3::repeat(0.5), Matrix3::identity(), Vector3::repeat(3.0), BodyKind::Cuboid);
         again.take(CUBOID, &search, vec![bad], 0);
         assert_eq!(again.fits[CUBOID].as_ref().unwrap().cost, evidence.fits[CUBOID].as_ref().unwrap().cost);
     });

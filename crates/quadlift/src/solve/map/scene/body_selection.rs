@@ -8,13 +8,13 @@
 use std::collections::BTreeMap;
 
 use super::body_evidence::{BodyEvidence, CUBOID, CYLINDER, ELLIPSOID, EXPONENTS, KINDS, kind_of};
+use crate::geometry::BodyKind;
 use crate::optimize::chi_square::per_dof;
 use crate::parallel::map_indices;
 use crate::solve::map::context::MapContext;
 use crate::solve::map::noise::levels::NoiseLevels;
 use crate::solve::map::object::agreement::weighted_median;
 use crate::solve::map::object::fit::Fit;
-use crate::solve::options::BodyKind;
 
 /// How often objects are none of the kinds but ellipsoids, before anything is known: the share of the others together.
 const OTHERS: f64 = 0.01;

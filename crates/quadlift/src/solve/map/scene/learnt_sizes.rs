@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use crate::geometry::BodyKind;
 use crate::solve::learnt_size::LearntCategorySize;
 use crate::solve::map::context::MapContext;
 use crate::solve::map::object::fit::Fit;
 use crate::solve::map::shared::size_model::{LearntSizes, SizeDistribution, SizeInformation};
-use crate::solve::options::BodyKind;
 
 /// The sizes of the categories of a scene; ellipsoids and cuboids of one category have different extents, so that each kind of
 /// body has its own.

@@ -9,7 +9,7 @@ use super::scene_scales::step_scales;
 use super::upright::{share_of_upright, stands, was_upright};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
-use crate::geometry::Body;
+use crate::geometry::{Body, BodyKind};
 use crate::parallel::map_indices;
 use crate::scene::{Cues, ObjectViews};
 use crate::solve::estimate::{Estimate, Misfit};
@@ -31,7 +31,7 @@ use crate::solve::map::shared::pose_prior::PosePrior;
 use crate::solve::map::shared::pose_terms::SceneTerms;
 use crate::solve::map::shared::poses::PoseCorrections;
 use crate::solve::map::shared::size_model::SizeInformation;
-use crate::solve::options::{BodyKind, PoseNoise};
+use crate::solve::options::PoseNoise;
 use crate::solve::pose_points_report::PosePointsReport;
 use crate::solve::refined_pose::RefinedPose;
 use crate::solve::sigmas::Sigmas;
@@ -386,7 +386,7 @@ impl SceneFit {
     ) -> Option<Body> {
         self.poses.apply(&mut views);
         self.scales.apply(&mut views);
-        let mut problem = ObjectProblem::new(views, BodyKind::of(start), context).ok()?;
+        let mut problem = ObjectProblem::new(views, start.kind, context).ok()?;
         let frame = problem.measurements.frame;
         let body = Model::of_body(start, &frame);
         if let Some(up) = context.up.filter(|up| {

@@ -8,10 +8,11 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::body_model::descending;
+use crate::geometry::BodyKind;
 use crate::geometry::linalg::{cholesky, invert_spd};
 use crate::parallel::map_indices;
 use crate::solve::learnt_size::LearntCategorySize;
-use crate::solve::options::{BodyKind, SizePrior};
+use crate::solve::options::SizePrior;
 use crate::tuning::{CATEGORY_SPREAD, LEARNT_DOF};
 
 /// Objects, worth this many that are well determined, that others need before they get a prior.
