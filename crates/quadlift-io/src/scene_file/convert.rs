@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use nalgebra::{Matrix3x4, Vector2};
 use quadlift::geometry::{BoundingBox, BoundingBoxError, CamFromWorld, Camera, CameraModel, Ellipse, Projection};
-use quadlift::scene::{Cues, DepthCue, DetectionInput, RigCamera, Scene, SceneBuilder, SceneError};
+use quadlift::scene::{Cues, DepthCue, NewDetection, RigCamera, Scene, SceneBuilder, SceneError};
 
 use super::cue_records::Box3dRecord;
 use super::records::{
@@ -75,7 +75,7 @@ impl SceneFile {
             let entry = |field: &str| format!("detections[{index}]{field}");
             let pose = || pose_of(frames.get_or_init(|| self.frames_by_id()).get(&*detection.frame)?);
             let cues = detection.cues(|name| builder.cue_source(name), pose, entry)?;
-            let input = DetectionInput { cues, ..detection_input(detection, entry)? };
+            let input = NewDetection { cues, ..detection_input(detection, entry)? };
             builder.add_detection(&input).map_err(|error| match error {
                 SceneError::Outline(error) => EntryError::new(entry(".outline"), error),
                 SceneError::UnknownFrame(id) => {
@@ -237,7 +237,7 @@ fn matrix(rows: &[[f64; 4]; 3]) -> Matrix3x4<f64> {
 fn detection_input<'a>(
     record: &'a DetectionRecord,
     entry: impl Fn(&str) -> String,
-) -> Result<DetectionInput<'a>, EntryError> {
+) -> Result<NewDetection<'a>, EntryError> {
     let bounding_box = record.bounding_box.map(BoundingBox::new).transpose().map_err(|error| {
         let hint = match error {
             BoundingBoxError::Empty(_) => {
@@ -255,7 +255,7 @@ fn detection_input<'a>(
     let segmentation = record.segmentation.as_deref();
     // Without a reliable mask the ellipse has no more information than the box.
     let of_box = bounding_box.is_some() && segmentation.is_some_and(SegmentationRecord::fell_back);
-    Ok(DetectionInput {
+    Ok(NewDetection {
         frame: &record.frame,
         object: record.object.as_deref(),
         category: record.category.as_deref(),

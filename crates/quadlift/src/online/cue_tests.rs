@@ -96,7 +96,7 @@ fn scales_of_frames_are_those_of_the_map() {
 
 #[test]
 fn outlines_and_turned_boxes_give_the_lines_of_a_scene() {
-    use crate::scene::{DetectionInput, SceneBuilder, Shape};
+    use crate::scene::{NewDetection, SceneBuilder, Shape};
     let (made, scene) = with_cues();
     let options = ShapeOptions { outline: Some(0.03), oriented_box: Some(Default::default()) };
     let body_of = |index: usize, _: &crate::scene::Detection| Some(made.truth[made.true_objects[index]?].1);
@@ -113,7 +113,7 @@ fn outlines_and_turned_boxes_give_the_lines_of_a_scene() {
             let outline = shapes[index].outline.as_deref().filter(|_| index % 3 != 0);
             let oriented_box = shapes[index].oriented_box.filter(|_| index % 3 == 0);
             let bounding_box = d.bounding_box.filter(|_| index % 3 == 1);
-            let input = DetectionInput { frame: &frame.id, bounding_box, outline, oriented_box, ..Default::default() };
+            let input = NewDetection { frame: &frame.id, bounding_box, outline, oriented_box, ..Default::default() };
             builder.add_detection(&input).unwrap();
             let around = outline.map(|c| {
                 c.iter().fold([f64::MAX, f64::MAX, f64::MIN, f64::MIN], |e, c| {
