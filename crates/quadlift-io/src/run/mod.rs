@@ -56,8 +56,7 @@ pub fn run_file(
     observer: &dyn Observer,
 ) -> Result<FileRun, Box<(FileInput, FileRunError)>> {
     let run = if input.memory.is_some() && input.scene().detections.is_empty() {
-        let diagnosis = input.known();
-        Ok(Run { check: Check { diagnosis, ..Check::default() }, ..Run::default() })
+        Ok(Run { check: Check::default().with_known(input.known()), ..Run::default() })
     } else {
         match options.for_scene(input.scene()) {
             Err(problem) => Err(FileRunError::Unit(problem)),

@@ -1,5 +1,6 @@
 //! New objects from pairs of unassigned boxes of this frame and the last ones.
 
+use super::MAX_DETECTIONS;
 use super::current::Current;
 use super::map::ObjectMap;
 use super::tracked::Tracked;
@@ -182,8 +183,11 @@ impl ObjectMap {
         }
     }
 
-    /// The detection of a view.
+    /// The detection of a view; `None` of one that stands for others from its place alone.
     pub(super) fn detection_of(&self, view: &KeptView) -> Option<DetectionRef> {
+        if usize::from(view.detection) >= MAX_DETECTIONS {
+            return None;
+        }
         let frame = self.keyframes.get(view.keyframe)?.frame.id.clone();
         Some(DetectionRef { frame, detection: view.detection as usize })
     }

@@ -4,14 +4,16 @@
 //! The map forgets boxes that belong to nothing, so that what it keeps agrees with itself under almost any mistake. Frames enter the
 //! window when their boxes have found their objects; objects of the map are the association that is checked.
 
+use std::collections::HashMap;
+use std::hash::Hash;
+
 use super::map::ObjectMap;
 use super::tracked::Tracked;
-use super::update::{Event, FrameUpdate, ObjectId};
-use super::views::{KeptView, RecentBox, RecentFrame};
+use super::update::{Event, FrameUpdate};
+use super::views::{KeptView, RecentBox, RecentFrame, bounding_box};
 use crate::association::{AssociateOptions, AssociatedObject, Association, IdUse, Outcome};
 use crate::diagnosis::misses::AGREES;
 use crate::diagnosis::{Cause, CauseName, Diagnosis, diagnose_association, is_convincing};
-use crate::geometry::BoundingBox;
 use crate::run::diagnose_source;
 use crate::scene::{Detection, Scene, SceneParts};
 
@@ -181,44 +183,30 @@ impl ObjectMap {
         let names = self.categories.names();
         // A detection without a category has the empty name: the scene is not shown.
         parts.categories = names.iter().map(|name| name.clone().unwrap_or_default()).collect();
-        let (mut ids, mut objects): (Vec<u32>, Vec<ObjectId>) = (Vec::new(), Vec::new());
-        let place = |list: &mut Vec<u32>, id: u32| {
-            list.iter().position(|known| *known == id).unwrap_or_else(|| {
-                list.push(id);
-                list.len() - 1
-            }) as u32
-        };
+        let (mut ids, mut objects) = (Numbers::new(), Numbers::new());
         for frame in frames {
             let Some(keyframe) = self.keyframes.get(frame.key) else { continue };
             let frame_index = parts.frames.len() as u32;
             parts.frames.push(keyframe.frame.to_scene());
             for RecentBox { view, input_id, owner, .. } in &frame.boxes {
-                let bounds = |edges: [f32; 4]| BoundingBox::new(edges.map(f64::from)).ok();
                 parts.detections.push(Detection {
                     frame_index,
-                    object_index: input_id.map(|id| place(&mut ids, id)),
+                    object_index: input_id.map(|id| ids.of(id)),
                     category_index: names[usize::from(view.category)].as_ref().map(|_| u32::from(view.category)),
                     score: view.score.map(f64::from),
-                    bounding_box: bounds(view.edges),
-                    box_in_image: view.in_image.as_ref().and_then(|edges| bounds(**edges)),
+                    bounding_box: view.bounding_box(),
+                    box_in_image: view.in_image.as_ref().and_then(|edges| bounding_box(edges)),
                     ..Default::default()
                 });
                 let owner = owner.map(|id| self.resolve(id)).filter(|id| self.slot_of_id.contains_key(id));
-                let index = owner.map(|owner| match objects.iter().position(|known| *known == owner) {
-                    Some(index) => index,
-                    None => {
-                        objects.push(owner);
-                        objects.len() - 1
-                    }
-                });
-                association.object_of_detection.push(index.map(|index| index as u32));
+                association.object_of_detection.push(owner.map(|owner| objects.of(owner)));
             }
         }
-        parts.object_ids = ids.iter().map(ToString::to_string).collect();
-        let mut views = vec![0; objects.len()];
+        parts.object_ids = ids.known.iter().map(ToString::to_string).collect();
+        let mut views = vec![0; objects.known.len()];
         association.object_of_detection.iter().flatten().for_each(|&index| views[index as usize] += 1);
         association.clutter = association.object_of_detection.iter().filter(|object| object.is_none()).count();
-        let described = objects.iter().zip(views).map(|(id, views)| {
+        let described = objects.known.iter().zip(views).map(|(id, views)| {
             let tracked = self.slot_of_id.get(id).and_then(|&slot| self.slot(slot));
             AssociatedObject {
                 id: id.to_string(),
@@ -237,6 +225,25 @@ impl ObjectMap {
     /// The mean evidence of a kept view of an object.
     fn evidence_for_views(&self, tracked: &Tracked) -> f64 {
         self.evidence_of(tracked) / tracked.views.len().max(1) as f64
+    }
+}
+
+/// Numbers of things in the order in which they come.
+struct Numbers<T> {
+    numbers: HashMap<T, u32>,
+    known: Vec<T>,
+}
+
+impl<T: Copy + Eq + Hash> Numbers<T> {
+    fn new() -> Self {
+        Self { numbers: HashMap::new(), known: Vec::new() }
+    }
+
+    fn of(&mut self, thing: T) -> u32 {
+        *self.numbers.entry(thing).or_insert_with(|| {
+            self.known.push(thing);
+            self.known.len() as u32 - 1
+        })
     }
 }
 

@@ -21,9 +21,14 @@ pub(super) struct Keyframe {
 impl Keyframe {
     /// The frame in a map with this origin; `extent` replaces an unknown image size.
     pub(super) fn new(frame: Frame, origin: &Vector3<f64>, extent: Vector2<f64>) -> Self {
-        let center = frame.projection.center_in_world().map_or(*origin, |c| c.coords);
-        let camera = Camera::new(&frame.projection, &center, origin, frame.image_size.unwrap_or(extent));
+        let camera = Self::camera_of(&frame, origin, extent);
         Self { frame, camera, shift: Vector2::zeros(), references: 0 }
+    }
+
+    /// The camera of a frame in such a map.
+    pub(super) fn camera_of(frame: &Frame, origin: &Vector3<f64>, extent: Vector2<f64>) -> Camera {
+        let center = frame.projection.center_in_world().map_or(*origin, |c| c.coords);
+        Camera::new(&frame.projection, &center, origin, frame.image_size.unwrap_or(extent))
     }
 }
 

@@ -47,7 +47,7 @@ impl ObjectMap {
         }
         let is_believed = disagrees.is_none() || self.disagreeing > BELIEVED_AFTER;
         if let (Some(place), true) = (place, is_believed) {
-            self.repeat(place, &mut current, &matched, &mut update);
+            self.repeat(place, &current, &matched, &mut update);
             self.keyframes.release(current.key);
         } else if is_believed {
             let seen = self.assign(&mut current, matched, &mut update);

@@ -1,9 +1,8 @@
 //! Assigns the boxes of the last frames again, when the objects are known better.
 
-use super::MAX_DETECTIONS;
 use super::current::Current;
 use super::map::ObjectMap;
-use super::update::{DetectionRef, Event, FrameUpdate, ObjectId, Removal};
+use super::update::{Event, FrameUpdate, ObjectId, Removal};
 use super::views::{KeptView, RecentBox, RecentFrame, to_bits};
 use crate::association::input::observations::{BoxObservation, Camera};
 use crate::association::score::fit::Start;
@@ -79,11 +78,6 @@ impl ObjectMap {
     pub(super) fn assign_again(&mut self, frame: &mut RecentFrame, update: &mut FrameUpdate) {
         let Some(changes) = self.changes(frame) else { return };
         let mut changed: Vec<u32> = Vec::new();
-        // The frame is not among the recent ones now.
-        let detections = |map: &Self, found: &RecentBox| -> Vec<DetectionRef> {
-            let own = map.detection_of(&found.view).filter(|_| usize::from(found.view.detection) < MAX_DETECTIONS);
-            own.into_iter().chain(found.copies.iter().cloned()).collect()
-        };
         for change in &changes {
             let Some(slot) = change.from else { continue };
             let found = &frame.boxes[change.index];
@@ -99,7 +93,9 @@ impl ObjectMap {
                 changed.push(slot);
             }
             frame.boxes[change.index].owner = owner;
-            let detections = detections(self, &frame.boxes[change.index]);
+            // The frame is not among the recent ones now.
+            let RecentBox { view, copies, .. } = &frame.boxes[change.index];
+            let detections = self.detection_of(view).into_iter().chain(copies.iter().cloned()).collect();
             update.events.push(Event::Reassigned { object: owner, detections });
         }
         changed.sort_unstable();

@@ -56,8 +56,7 @@ impl RecentBox {
 impl ObjectMap {
     /// The key of a recent frame from the place of a new one.
     pub(super) fn same_place(&self, frame: &Frame) -> Option<u32> {
-        let [width, height] = self.running.extent;
-        let new = Keyframe::new(frame.clone(), &self.origin, Vector2::new(width, height)).camera;
+        let new = Keyframe::camera_of(frame, &self.origin, self.running.extent.into());
         let distance = |slot: u32| self.slot(slot).map(|tracked| (tracked.object.center - new.center).norm());
         let nearest = self.visibility.near(&new.center).into_iter().filter_map(distance).reduce(f64::min);
         let tolerance = match nearest {
@@ -73,28 +72,21 @@ impl ObjectMap {
     }
 
     /// Takes the boxes of a frame from the place of a recent one.
-    pub(super) fn repeat(&mut self, place: u32, current: &mut Current, matched: &Matched, update: &mut FrameUpdate) {
+    pub(super) fn repeat(&mut self, place: u32, current: &Current, matched: &Matched, update: &mut FrameUpdate) {
         let Some(index) = self.recent.iter().position(|recent| recent.key == place) else { return };
         self.recent[index].repeats = self.recent[index].repeats.saturating_add(1);
-        let mut taken = Vec::with_capacity(matched.pairs.len());
         // What was seen there before tells more than a body, which may still be uncertain.
-        for (slot, box_index, hidden) in self.seen_before(index, current) {
-            let view = KeptView { hidden, ..current.views[box_index as usize].clone() };
-            if let Some(id) = self.slot(slot).map(|tracked| tracked.id) {
-                update.objects[usize::from(view.detection)] = Some(id);
-                taken.push((slot, box_index));
-                self.repeat_view(slot, index, current, box_index, view);
+        let mut pairs = self.seen_before(index, current);
+        for &(slot, box_index, ratio) in &matched.pairs {
+            let is_taken = pairs.iter().any(|&(known, other, _)| known == slot || other == box_index);
+            // An object that was seen there is not somewhere else.
+            if !is_taken && !self.slot(slot).is_some_and(|tracked| tracked.is_seen_in(place)) {
+                pairs.push((slot, box_index, to_bits(ratio.hidden)));
             }
         }
-        for &(slot, box_index, ratio) in &matched.pairs {
-            let is_taken = taken.iter().any(|&(known, other)| known == slot || other == box_index);
-            // An object that was seen there is not somewhere else.
-            if is_taken || self.slot(slot).is_some_and(|tracked| tracked.is_seen_in(place)) {
-                continue;
-            }
-            let view = &mut current.views[box_index as usize];
-            view.hidden = to_bits(ratio.hidden);
-            let view = view.clone();
+        let mut taken = Vec::with_capacity(pairs.len());
+        for (slot, box_index, hidden) in pairs {
+            let view = KeptView { hidden, ..current.views[box_index as usize].clone() };
             if let Some(id) = self.slot(slot).map(|tracked| tracked.id) {
                 update.objects[usize::from(view.detection)] = Some(id);
                 taken.push((slot, box_index));
@@ -152,7 +144,7 @@ impl ObjectMap {
             let slot = known.owner.and_then(|id| self.slot_of_id.get(&self.resolve(id)).copied());
             let Some(slot) = slot else { continue };
             for (index, view) in current.views.iter().enumerate().filter(|(_, v)| v.category == known.view.category) {
-                let shared = overlap(&known.view.edges, &view.edges);
+                let shared = overlap(&known.view, view);
                 if shared >= MIN_OVERLAP {
                     pairs.push((shared, place, index as u32, slot, known.view.hidden));
                 }
@@ -174,7 +166,7 @@ impl ObjectMap {
         let Some(detection) = self.detection_of(view) else { return };
         let overlap = |known: &RecentBox| {
             let is_same = known.view.category == view.category;
-            if is_same { overlap(&known.view.edges, &view.edges) } else { 0.0 }
+            if is_same { overlap(&known.view, view) } else { 0.0 }
         };
         let boxes = &self.recent[recent].boxes;
         let best = (0..boxes.len()).max_by(|&a, &b| overlap(&boxes[a]).total_cmp(&overlap(&boxes[b])).then(b.cmp(&a)));
@@ -197,7 +189,7 @@ impl ObjectMap {
 
     /// The detections of a view: its own, and those from the same place.
     pub(super) fn detections_of(&self, view: &KeptView) -> Vec<DetectionRef> {
-        let own = self.detection_of(view).filter(|_| usize::from(view.detection) < MAX_DETECTIONS);
+        let own = self.detection_of(view);
         let place = self.recent.partition_point(|frame| frame.key < view.keyframe);
         let frame = self.recent.get(place).filter(|frame| frame.key == view.keyframe);
         let known = frame.and_then(|frame| frame.boxes.iter().find(|b| b.view.detection == view.detection));
@@ -218,12 +210,9 @@ fn turn_px(a: &Camera, b: &Camera) -> f64 {
     moved.into_iter().fold(0.0, f64::max)
 }
 
-/// Intersection over union of two boxes.
-fn overlap(a: &[f32; 4], b: &[f32; 4]) -> f64 {
-    let [a, b] = [a, b].map(|edges| edges.map(f64::from));
-    let area = |[x0, y0, x1, y1]: [f64; 4]| (x1 - x0).max(0.0) * (y1 - y0).max(0.0);
-    let both = area([a[0].max(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].min(b[3])]);
-    both / (area(a) + area(b) - both)
+/// Intersection over union of the boxes of two views.
+fn overlap(a: &KeptView, b: &KeptView) -> f64 {
+    a.bounding_box().zip(b.bounding_box()).map_or(0.0, |(a, b)| a.iou(&b))
 }
 
 #[cfg(test)]

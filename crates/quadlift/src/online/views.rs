@@ -7,6 +7,7 @@ use super::kept_shape::KeptShape;
 use super::keyframes::Keyframes;
 use super::update::{DetectionRef, ObjectId};
 use crate::association::input::observations::{BoxObservation, Camera, log_odds_against};
+use crate::geometry::BoundingBox;
 
 /// A kept detection. A map has dozens per object, so it is small: edges have single precision, 1e-4 px.
 #[derive(Debug, Clone, PartialEq)]
@@ -120,7 +121,17 @@ pub(super) fn from_bits(bits: u8) -> [bool; 4] {
     std::array::from_fn(|e| bits & (1 << e) != 0)
 }
 
+/// A kept box; `None` if it is empty.
+pub(super) fn bounding_box(edges: &[f32; 4]) -> Option<BoundingBox> {
+    BoundingBox::new(edges.map(f64::from)).ok()
+}
+
 impl KeptView {
+    /// The box, without the lens of its camera.
+    pub(super) fn bounding_box(&self) -> Option<BoundingBox> {
+        bounding_box(&self.edges)
+    }
+
     /// The box as association uses it, less the shift of its frame; `frame` is the place of its camera in a list.
     pub(super) fn observation(&self, frame: usize, shift: &Vector2<f64>) -> BoxObservation {
         let edges = std::array::from_fn(|e| f64::from(self.edges[e]) - shift[e % 2]);

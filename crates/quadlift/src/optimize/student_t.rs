@@ -6,9 +6,44 @@ pub(crate) struct StudentT {
     dof: f64,
 }
 
+/// Squared residuals below this can be multiplied with those of a whole view without overflow.
+const SMALL_ENOUGH: f64 = 1e20;
+
+/// The cost of several residuals: the logarithm is taken of the product of their tails.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct CostSum {
+    student_t: StudentT,
+    tails: f64,
+    wild: f64,
+}
+
+impl CostSum {
+    /// Adds a residual, squared.
+    #[inline]
+    pub(crate) fn add(&mut self, squared: f64) {
+        if squared < SMALL_ENOUGH {
+            self.tails *= self.student_t.tail(squared);
+        } else {
+            self.wild += self.student_t.cost_of_one(squared);
+        }
+    }
+
+    /// Twice the negative log likelihood of the residuals, up to a constant.
+    #[inline]
+    pub(crate) fn total(self) -> f64 {
+        self.wild + if self.tails > 1.0 { self.student_t.cost(self.tails) } else { 0.0 }
+    }
+}
+
 impl StudentT {
     pub(crate) const fn new(dof: f64) -> Self {
         Self { dof }
+    }
+
+    /// The cost of no residuals yet.
+    #[inline]
+    pub(crate) fn no_cost(self) -> CostSum {
+        CostSum { student_t: self, tails: 1.0, wild: 0.0 }
     }
 
     /// What a residual, squared, multiplies the argument of the logarithm in the cost by. The cost of several residuals is

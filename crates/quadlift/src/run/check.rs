@@ -51,6 +51,14 @@ impl Check {
         check
     }
 
+    /// The same with what was found wrong before, unless something else is wrong ([`Input::known`]).
+    pub fn with_known(mut self, known: Diagnosis) -> Self {
+        if self.diagnosis.consistent && !known.consistent {
+            self.diagnosis = known;
+        }
+        self
+    }
+
     /// [`Self::of`], where detections that name no object are associated for the check alone.
     ///
     /// # Errors

@@ -82,7 +82,7 @@ fn nothing_to_localize(detections: usize, without_object: usize) -> String {
 pub fn run<I: Input>(input: &mut I, options: &RunOptions, observer: &dyn Observer) -> Result<Run, RunError<I::Error>> {
     let source = options.localize.source.as_deref();
     let known = input.known();
-    let (mut check, association) = match options.ids_for(input.scene()) {
+    let (check, association) = match options.ids_for(input.scene()) {
         None => (Check::of(input, source, options.fix).map_err(RunError::Input)?, None),
         Some(ids) => {
             let (check, found) = identify(input, &options.of_association(ids), options.fix, observer)?;
@@ -91,9 +91,6 @@ pub fn run<I: Input>(input: &mut I, options: &RunOptions, observer: &dyn Observe
             (check, Some(found))
         }
     };
-    if check.diagnosis.consistent && !known.consistent {
-        check.diagnosis = known.clone();
-    }
     input.measure(&options.localize, observer).map_err(RunError::Input)?;
     observer.begins(Phase::Objects);
     let localization = solve_consistent(input.scene(), &options.localize, observer)?;
@@ -104,7 +101,8 @@ pub fn run<I: Input>(input: &mut I, options: &RunOptions, observer: &dyn Observe
     }
     // Refined poses agree with the boxes that are left in the scene, which say nothing then.
     let may_agree = association.is_none() && known.consistent;
-    Ok(concluded(check, association, localization, (&options.localize, may_agree)))
+    let check = check.with_known(known);
+    Ok(concluded(check, association, localization, &options.localize, may_agree))
 }
 
 /// The first two steps: checks and associates the detections of an input, and checks again. The input's scene has its detections
@@ -145,7 +143,8 @@ fn concluded(
     mut check: Check,
     association: Option<Association>,
     mut localization: Localization,
-    (options, may_agree): (&LocalizeOptions, bool),
+    options: &LocalizeOptions,
+    may_agree: bool,
 ) -> Run {
     if association.is_some() {
         // The association lists them.
@@ -174,5 +173,5 @@ pub fn localize_observed(
     observer: &dyn Observer,
 ) -> Result<Localization, LocalizeError> {
     let localization = solve_consistent(scene, options, observer)?;
-    Ok(concluded(Check::default(), None, localization, (options, true)).localization)
+    Ok(concluded(Check::default(), None, localization, options, true).localization)
 }

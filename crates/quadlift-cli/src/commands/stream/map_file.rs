@@ -63,10 +63,7 @@ impl MapFiles<'_> {
             true => self.write_map(settled, &stream.scene, self.report, out)?,
             false => {
                 let mut input = FileInput::of_map(&stream.scene, settled, self.input)?;
-                match input.known() {
-                    known if !known.consistent => Check { diagnosis: known, ..Check::default() },
-                    _ => Check::of(&mut input, None, false)?,
-                }
+                Check::of(&mut input, None, false)?.with_known(input.known())
             }
         };
         self.write_state(stream)?;

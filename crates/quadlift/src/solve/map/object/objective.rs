@@ -39,9 +39,6 @@ pub(crate) fn outlier_scale(view_costs: Vec<f64>, noise: &NoiseLevels) -> f64 {
 /// Minimum number of views to detect an outlier.
 pub(crate) const FEWEST_VIEWS: usize = 5;
 
-/// Squared residuals below this can be multiplied with those of a whole view without overflow.
-const SMALL_ENOUGH: f64 = 1e20;
-
 /// Whitened residuals beyond this are excluded from the correlation between views.
 const MAX_CORRELATION_RESIDUAL: f64 = 4.0;
 
@@ -135,22 +132,20 @@ impl Objective<'_> {
     /// Twice the negative log likelihood of a view's edges and of its other residuals, up to constants.
     #[inline]
     fn view_cost(&self, rows: &[ResidualRow]) -> (f64, f64) {
-        // The logarithms of Student's t distribution are taken of the product: one logarithm for a view.
-        let (mut tails, mut edges, mut others) = (1.0, 0.0, 0.0);
+        // One logarithm for a view.
+        let (mut tails, mut edges, mut others) = (student_t().no_cost(), 0.0, 0.0);
         for row in rows {
             let squared = row.residual * row.residual;
             if !row.group.is_edge() {
                 let heavy = self.heavy_tails && row.group.has_heavy_tails();
                 others += if heavy { student_t().cost_of_one(squared) } else { squared };
-            } else if self.heavy_tails && squared < SMALL_ENOUGH {
-                tails *= student_t().tail(squared);
             } else if self.heavy_tails {
-                edges += student_t().cost_of_one(squared);
+                tails.add(squared);
             } else {
                 edges += squared;
             }
         }
-        (edges + if tails > 1.0 { student_t().cost(tails) } else { 0.0 }, others)
+        (edges + tails.total(), others)
     }
 
     fn weights(&self) -> Weights {
@@ -171,22 +166,21 @@ impl Objective<'_> {
 
     /// Squared norm of each view's whitened residuals, as if there were four of them in each.
     pub(crate) fn view_costs(&self, body: &impl BodyModel) -> Vec<f64> {
-        let mut rows = Vec::with_capacity(16);
-        (0..self.measurements.views.len())
-            .map(|view| {
-                view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
-                usual_cost(rows.iter().map(|row| row.residual * row.residual).sum(), rows.len())
-            })
-            .collect()
+        self.of_views(body, |rows| usual_cost(rows.iter().map(|row| row.residual * row.residual).sum(), rows.len()))
     }
 
     /// The squares of each view's whitened residuals at a body.
     pub(crate) fn squares_of_views(&self, body: &impl BodyModel) -> Vec<Vec<f64>> {
+        self.of_views(body, |rows| rows.iter().map(|row| row.residual * row.residual).collect())
+    }
+
+    /// Something of each view's whitened residuals.
+    fn of_views<T>(&self, body: &impl BodyModel, of_view: impl Fn(&[ResidualRow]) -> T) -> Vec<T> {
         let mut rows = Vec::with_capacity(16);
         (0..self.measurements.views.len())
             .map(|view| {
                 view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
-                rows.iter().map(|row| row.residual * row.residual).collect()
+                of_view(&rows)
             })
             .collect()
     }

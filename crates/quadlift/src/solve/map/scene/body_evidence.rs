@@ -209,7 +209,9 @@ impl BodyEvidence {
     fn log_densities(&self, squares: &[f64], variance: f64) -> [f64; 2] {
         let count = squares.len() as f64;
         let cost = if self.heavy_tails {
-            squares.iter().map(|square| student_t().cost_of_one(square / variance)).sum()
+            let mut cost = student_t().no_cost();
+            squares.iter().for_each(|square| cost.add(square / variance));
+            cost.total()
         } else {
             squares.iter().sum::<f64>() / variance
         };
