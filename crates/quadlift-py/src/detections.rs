@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use quadlift::geometry::{BoundingBox, Ellipse};
 use quadlift::scene::{self, Cues, Detection, Frame, Outlines, Scene, SceneError, SceneParts, Undistorted};
 use quadlift_io::SceneFile;
-use quadlift_io::scene_file::{DetectionRecord, MaskRecord, RleCounts, RleRecord, cue_records};
+use quadlift_io::scene_file::{DetectionRecord, MaskRecord, RleCounts, RleRecord};
 
 use crate::cues::CueArrays;
 use crate::error::refuse;
@@ -52,7 +52,6 @@ pub struct DetectionArrays<'py> {
 }
 
 /// What was measured in a row, in the image as it is, checked.
-#[derive(Clone, Default)]
 struct Row {
     bounding_box: Option<BoundingBox>,
     ellipse: Option<Ellipse>,
@@ -60,14 +59,14 @@ struct Row {
 }
 
 impl Row {
-    /// As a record, which has nothing else.
-    fn record(&self) -> DetectionRecord {
+    /// A record with what was measured.
+    fn in_record(&self, record: DetectionRecord) -> DetectionRecord {
         DetectionRecord {
             bounding_box: self.bounding_box.map(|b| b.edges()),
             ellipse: self.ellipse.map(|ellipse| Box::new(ellipse.into())),
             outline: self.shape.outline.clone(),
             oriented_box: self.shape.oriented_box.map(|turned| Box::new(turned.into())),
-            ..Default::default()
+            ..record
         }
     }
 }
@@ -89,24 +88,14 @@ impl Originals {
     }
 
     fn record(&self, row: usize, scene: &Scene, detection: &Detection) -> DetectionRecord {
-        let name = |index: Option<u32>, names: &[String]| index.map(|index| names[index as usize].as_str().into());
-        let &Detection { bounding_box, ellipse, .. } = detection;
-        let as_it_is = || Row { bounding_box, ellipse, ..Default::default() }.record();
-        let cues = detection.cues.as_deref().map(|cues| cue_records(cues, &scene.cue_sources));
-        let (depth, box3d) = cues.unwrap_or_default();
-        DetectionRecord {
-            depth,
-            box3d,
-            frame: scene.frames[detection.frame_index as usize].id.as_str().into(),
-            object: name(detection.object_index, &scene.object_ids),
-            category: name(detection.category_index, &scene.categories),
-            source: name(detection.source_index, &scene.sources),
-            score: detection.score,
-            mask: self.masks.get(row).and_then(Option::as_ref).map(|(size, runs)| {
-                let rle = RleRecord { size: *size, counts: RleCounts::Runs(runs.clone()), ..Default::default() };
-                Box::new(MaskRecord { rle: Some(rle), ..Default::default() })
-            }),
-            ..self.rows.get(row).map_or_else(as_it_is, Row::record)
+        let mask = self.masks.get(row).and_then(Option::as_ref).map(|(size, runs)| {
+            let rle = RleRecord { size: *size, counts: RleCounts::Runs(runs.clone()), ..Default::default() };
+            Box::new(MaskRecord { rle: Some(rle), ..Default::default() })
+        });
+        let record = DetectionRecord { mask, ..DetectionRecord::of_scene(scene, detection) };
+        match self.rows.get(row) {
+            Some(row) => row.in_record(record),
+            None => record,
         }
     }
 }
@@ -118,16 +107,14 @@ impl DetectionArrays<'_> {
             let shape = self.shape(row)?;
             // A row without a shape must have a box.
             let edges = values(&self.boxes, row).or(shape.is_empty().then_some([f64::NAN; 4]));
-            let (depth, box3d) = self.cues.as_ref().map_or((None, None), |cues| cues.records(row));
-            Ok(DetectionRecord {
+            let found = Row { bounding_box: bounding_box(row, edges)?, ellipse: None, shape };
+            Ok(found.in_record(DetectionRecord {
                 frame: frame.into(),
                 object: self.objects.of_row(row).map(Into::into),
                 category: self.categories.of_row(row).map(Into::into),
                 score: value(&self.scores, row),
-                depth,
-                box3d,
-                ..Row { bounding_box: bounding_box(row, edges)?, ellipse: None, shape }.record()
-            })
+                ..self.cues.as_ref().map(|cues| cues.record(row)).unwrap_or_default()
+            }))
         };
         (0..self.frames.as_array().len()).map(record).collect()
     }

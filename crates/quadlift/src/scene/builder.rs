@@ -13,10 +13,11 @@ use super::parts::{Detection, Frame, RigCamera, SceneParts, Undistorted};
 use super::points::{PointObservation, TrackedPoint, check_points};
 use crate::geometry::{BoundingBox, CamFromWorld, Camera, Ellipse, OrientedBox, Projection};
 
-/// A detection as it is handed to [`SceneBuilder::add_detection`], by names.
+/// A detection by names, unchecked, measured in the image as it is: what [`SceneBuilder::add_detection`] and
+/// [`crate::online::ObjectMap::observe`] take.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct NewDetection<'a> {
-    /// Id of the frame, which must have been added before.
+    /// Id of the frame, which must have been added before; an object map does not use it.
     pub frame: &'a str,
     /// Id of the object, if known.
     pub object: Option<&'a str>,
@@ -40,8 +41,26 @@ pub struct NewDetection<'a> {
     pub occluded: Option<f64>,
     /// Truncation level.
     pub truncated: Option<f64>,
-    /// Depth and 3D box; their sources are indices that [`SceneBuilder::cue_source`] gives.
+    /// Depth and 3D box; their sources are indices that [`SceneBuilder::cue_source`] gives, or into [`crate::online::Frame::cue_sources`].
     pub cues: Cues,
+}
+
+impl NewDetection<'_> {
+    /// A detection with a box only.
+    pub fn from_box(bounding_box: BoundingBox) -> Self {
+        Self { bounding_box: Some(bounding_box), ..Self::default() }
+    }
+
+    /// Its outline and its turned box.
+    pub fn shape(&self) -> Shape<'_> {
+        Shape { outline: self.outline, oriented_box: self.oriented_box, hidden_lines: None }
+    }
+
+    /// The box; without one that around the ellipse, the outline or the turned box.
+    pub fn box_or_around(&self) -> Option<BoundingBox> {
+        let of_ellipse = || self.ellipse.as_ref().map(|ellipse| ellipse.bounding_box());
+        self.bounding_box.or_else(of_ellipse).or_else(|| self.shape().bounding_box())
+    }
 }
 
 /// Builds and validates a [`Scene`].
@@ -220,8 +239,7 @@ impl SceneBuilder {
             truncated: input.truncated,
             cues: (!input.cues.is_empty()).then(|| Box::new(input.cues)),
         };
-        let shape = Shape { outline: input.outline, oriented_box: input.oriented_box, hidden_lines: None };
-        self.outlines.add(index, &mut detection, input.bounding_box.is_some(), frame, &shape)?;
+        self.outlines.add(index, &mut detection, input.bounding_box.is_some(), frame, &input.shape())?;
         self.scene.detections.push(detection);
         Ok(index)
     }

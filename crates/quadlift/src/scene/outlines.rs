@@ -52,6 +52,16 @@ pub struct Shape<'a> {
     pub hidden_lines: Option<[bool; SUPPORT_DIRECTIONS]>,
 }
 
+impl Shape<'_> {
+    /// The box around it, also beyond the border of the image, as boxes are.
+    pub(crate) fn bounding_box(&self) -> Option<BoundingBox> {
+        match self.outline {
+            Some(corners) => box_around(corners),
+            None => self.oriented_box.as_ref()?.bounding_box(),
+        }
+    }
+}
+
 /// Outlines and turned boxes on their way into a scene: each gives its detection supporting lines; outlines of one image and source
 /// that touch each other hide lines.
 #[derive(Debug, Default)]
@@ -84,8 +94,7 @@ impl Outlines {
         if let Some(given) = &detection.bounding_box {
             lines = lines.map(|lines| lines.beside_box(given));
         } else if !has_box {
-            // Of the outline as it was given, also beyond the border of the image, as boxes are.
-            let around = shape.outline.and_then(box_around).or_else(|| turned?.bounding_box());
+            let around = shape.bounding_box();
             detection.bounding_box = match frame.lens {
                 Some(_) => lines.as_ref().and_then(SupportLines::bounding_box),
                 None => around,
