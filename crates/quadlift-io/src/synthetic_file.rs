@@ -67,8 +67,9 @@ pub fn scene_file(synthetic: &SyntheticScene) -> SceneFile {
             ..Default::default()
         });
     }
-    let records = scene.detections.iter().map(|detection| DetectionRecord::of_scene(scene, detection));
-    file.detections.extend(records);
+    // True categories are no measurements.
+    let record = |detection| DetectionRecord { category: None, ..DetectionRecord::of_scene(scene, detection) };
+    file.detections.extend(scene.detections.iter().map(record));
     for (id, body) in &synthetic.truth {
         let mut object = ObjectRecord { id: id.clone(), ..Default::default() };
         object.set_body(body);
