@@ -46,7 +46,7 @@ class DetectionArrays(TypedDict, total=False):
     """M detections; NaN for none."""
 
     frames: NDArray[np.int64]
-    """(M,)."""
+    """(M,); any of an object map."""
     boxes: NDArray[np.float64] | None
     """(M, 4)."""
     ellipses: NDArray[np.float64] | None
@@ -79,19 +79,6 @@ class MapFrame(TypedDict):
     image_size: list[float] | None
     image: str | None
     pose_noise: list[float] | None
-
-
-class BoxArrays(TypedDict):
-    """The M boxes of a frame; NaN for none."""
-
-    boxes: NDArray[np.float64]
-    """(M, 4)."""
-    objects: Names
-    categories: Names
-    scores: NDArray[np.float64] | None
-    """(M,)."""
-    outlines: _outlines.OutlineArrays | None
-    cues: _cues.CueArrays | None
 
 
 class LocateQuery(TypedDict):
@@ -316,7 +303,7 @@ def _camera(camera: Any, size: list[float] | None) -> tuple[tuple[str | None, st
     return (name, _checks.text("camera.model", found["model"]), params), size
 
 
-def map_detections(found: Found) -> BoxArrays:
+def map_detections(found: Found) -> DetectionArrays:
     """The detections of a frame of an object map."""
     shaped = found.outlines is not None or found.oriented_boxes is not None
     boxes = _checks.array("boxes", found.boxes, ("M", 4), nan=shaped)
@@ -325,6 +312,7 @@ def map_detections(found: Found) -> BoxArrays:
         scores = _checks.array("scores", scores, ("M",), nan=True)
         _checks.rows("scores", scores, "boxes", count)
     return {
+        "frames": np.zeros(count, dtype=np.int64),
         "boxes": boxes,
         "objects": _checks.names("objects", found.objects, count, "boxes"),
         "categories": _checks.names("categories", found.categories, count, "boxes"),

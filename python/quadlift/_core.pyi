@@ -7,7 +7,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arrays import BoxArrays, DetectionArrays, FrameArrays, LocateQuery, MapFrame, RigArrays
+from ._arrays import DetectionArrays, FrameArrays, LocateQuery, MapFrame, RigArrays
 from ._outlines import OutlineArrays
 
 __all__ = [
@@ -132,7 +132,7 @@ class ObjectMap:
     def to_bytes(self) -> bytes: ...
     def copy(self) -> ObjectMap: ...
     def locate(self, query: LocateQuery) -> tuple[dict[str, Any], list[str]]: ...
-    def observe(self, frame: MapFrame, detections: BoxArrays) -> str: ...
+    def observe(self, frame: MapFrame, detections: DetectionArrays) -> str: ...
     def update_poses(
         self,
         frame_ids: list[str],

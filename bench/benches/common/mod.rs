@@ -1,6 +1,7 @@
 //! The benchmarks are in `benches/`; here is what two of them share.
 
-use quadlift::online::{Detection, Frame, FrameUpdate, ObjectMap};
+use quadlift::online::{Frame, FrameUpdate, ObjectMap};
+use quadlift::scene::NewDetection;
 use quadlift::synthetic::{
     Detector, Noise, Observations, SyntheticIds, SyntheticOptions, SyntheticScene, Trajectory, generate,
 };
@@ -21,23 +22,27 @@ pub(crate) fn street(objects: usize, views: usize, ids: SyntheticIds) -> Synthet
 }
 
 /// The frames of a scene with their detections, in the order of time.
-pub(crate) fn frames(synthetic: &SyntheticScene) -> Vec<(Frame, Vec<Detection<'_>>)> {
+pub(crate) fn frames(synthetic: &SyntheticScene) -> Vec<(Frame, Vec<NewDetection<'_>>)> {
     let scene = &synthetic.scene;
-    let mut frames: Vec<(Frame, Vec<Detection>)> =
-        scene.frames.iter().enumerate().map(|(k, frame)| (Frame::of_scene(frame, k as f64), Vec::new())).collect();
+    let mut frames: Vec<(Frame, Vec<NewDetection>)> = scene
+        .frames
+        .iter()
+        .enumerate()
+        .map(|(k, frame)| (Frame::of_scene(scene, frame, k as f64), Vec::new()))
+        .collect();
     for detection in &scene.detections {
         let Some(bounding_box) = detection.bounding_box else { continue };
-        frames[detection.frame_index as usize].1.push(Detection {
+        frames[detection.frame_index as usize].1.push(NewDetection {
             category: detection.category_index.map(|c| scene.categories[c as usize].as_str()),
             score: detection.score,
-            id: detection.object_index.map(|o| scene.object_ids[o as usize].as_str()),
-            ..Detection::from_box(bounding_box)
+            object: detection.object_index.map(|o| scene.object_ids[o as usize].as_str()),
+            ..NewDetection::from_box(bounding_box)
         });
     }
     frames
 }
 
 /// Observes a frame.
-pub(crate) fn observe(map: &mut ObjectMap, (frame, detections): &(Frame, Vec<Detection>)) -> FrameUpdate {
+pub(crate) fn observe(map: &mut ObjectMap, (frame, detections): &(Frame, Vec<NewDetection>)) -> FrameUpdate {
     map.observe(frame, detections).expect("the frame is valid")
 }

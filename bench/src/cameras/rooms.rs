@@ -8,7 +8,7 @@ use quadlift::geometry::{
     BoundingBox, CamFromWorld, Ellipsoid, Intrinsics, Projection, Similarity, project_bounding_box,
 };
 use quadlift::nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
-use quadlift::scene::{DetectionInput, Scene, SceneBuilder};
+use quadlift::scene::{NewDetection, Scene, SceneBuilder};
 use quadlift::solve::MapOptions;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -115,7 +115,7 @@ pub(super) fn images(
             let (id, category) = (index.to_string(), category.to_string());
             let mut add = |object: Option<&str>, category: &str, edges: [f64; 4]| -> Result<(), Error> {
                 let Ok(bounding_box) = BoundingBox::new(edges) else { return Ok(()) };
-                let input = DetectionInput {
+                let input = NewDetection {
                     frame: &frame,
                     object,
                     category: Some(category),

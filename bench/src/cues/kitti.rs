@@ -5,7 +5,7 @@ use std::path::Path;
 use quadlift::geometry::{Body, BodyKind, BoundingBox, ConvexBody, Projection};
 use quadlift::metrics::iou3d_ellipsoids;
 use quadlift::nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
-use quadlift::scene::{Cues, Detection, DetectionInput, Scene, SceneBuilder};
+use quadlift::scene::{Cues, Detection, NewDetection, Scene, SceneBuilder};
 use quadlift::solve::{MapOptions, Status};
 use quadlift::synthetic::{Box3dNoise, CueOptions, DepthNoise, simulate_cues};
 use quadlift::{LocalizeOptions, localize};
@@ -192,7 +192,7 @@ fn errors(image: &SingleImage, cues: &CueOptions, seed: u64) -> Result<Vec<CarSc
     builder.up([0.0, -1.0, 0.0])?;
     builder.add_frame("image", image.projection, Some([1242.0, 375.0]))?;
     for (index, (bounding_box, _)) in image.cars.iter().enumerate() {
-        builder.add_detection(&DetectionInput {
+        builder.add_detection(&NewDetection {
             frame: "image",
             object: Some(&index.to_string()),
             category: Some("car"),

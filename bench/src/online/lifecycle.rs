@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use quadlift::association::IdUse;
 use quadlift::geometry::{ConvexBody, project_bounding_box};
-use quadlift::online::{Detection, Event, Frame, ObjectId, ObjectMap, OnlineOptions, Presence, Removal};
-use quadlift::scene::Scene;
+use quadlift::online::{Event, Frame, ObjectId, ObjectMap, OnlineOptions, Presence, Removal};
+use quadlift::scene::{NewDetection, Scene};
 use quadlift::synthetic::{
     Detector, Noise, Observations, SyntheticIds, SyntheticOptions, SyntheticScene, Trajectory, generate,
 };
@@ -73,8 +73,8 @@ fn live(options: &SyntheticOptions) -> Result<Lives, Error> {
     let mut confirmed_at: BTreeMap<ObjectId, usize> = BTreeMap::new();
     let mut lives = Lives { taken: TAKEN, ..Default::default() };
     for (index, (frame, indices)) in scene.frames.iter().zip(by_frame(&scene)).enumerate() {
-        let detections: Vec<Detection> = indices.iter().filter_map(|&d| observed(&scene, d)).collect();
-        let Ok(update) = map.observe(&Frame::of_scene(frame, index as f64), &detections) else { continue };
+        let detections: Vec<NewDetection> = indices.iter().filter_map(|&d| observed(&scene, d)).collect();
+        let Ok(update) = map.observe(&Frame::of_scene(&scene, frame, index as f64), &detections) else { continue };
         for event in &update.events {
             match event {
                 Event::Confirmed { object } => {

@@ -6,8 +6,8 @@ use quadlift::association::IdUse;
 use quadlift::geometry::{Ellipsoid, Projection};
 use quadlift::metrics::pairwise_clustering_scores;
 use quadlift::nalgebra::{Matrix4, Rotation3, Vector3};
-use quadlift::online::{Detection, Frame, ObjectMap, OnlineOptions, PoseUpdate};
-use quadlift::scene::Scene;
+use quadlift::online::{Frame, ObjectMap, OnlineOptions, PoseUpdate};
+use quadlift::scene::{NewDetection, Scene};
 use quadlift::synthetic::{
     Detector, Noise, Observations, SyntheticIds, SyntheticOptions, SyntheticScene, Trajectory, generate,
 };
@@ -80,8 +80,8 @@ fn close_loop(options: &SyntheticOptions, turn: f64, shift: f64) -> Result<[f64;
     let run = |drifts: bool| -> Result<ObjectMap, Error> {
         let mut map = ObjectMap::new(OnlineOptions { ids: IdUse::Ignore, ..Default::default() })?;
         for (place, &index) in order.iter().enumerate() {
-            let detections: Vec<Detection> = frames[index].iter().filter_map(|&d| observed(scene, d)).collect();
-            let mut frame = Frame::of_scene(&scene.frames[index], place as f64);
+            let detections: Vec<NewDetection> = frames[index].iter().filter_map(|&d| observed(scene, d)).collect();
+            let mut frame = Frame::of_scene(scene, &scene.frames[index], place as f64);
             let share = if drifts { place as f64 / count as f64 } else { 0.0 };
             let moved = drifted(&frame.projection, share * turn.to_radians(), share * shift);
             frame.projection = moved.unwrap_or(frame.projection);

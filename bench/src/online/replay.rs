@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use quadlift::online::{Detection, Event, Frame, FrameUpdate, ObjectId, ObjectMap, Removal};
-use quadlift::scene::Scene;
+use quadlift::online::{Event, Frame, FrameUpdate, ObjectId, ObjectMap, Removal};
+use quadlift::scene::{NewDetection, Scene};
 
 /// The detections of a scene with their objects, as the updates of a map tell.
 #[derive(Debug, Default)]
@@ -30,15 +30,14 @@ pub(super) fn by_frame(scene: &Scene) -> Vec<Vec<usize>> {
 }
 
 /// A detection of a scene as a map observes it; `None` without a box.
-pub(super) fn observed(scene: &Scene, index: usize) -> Option<Detection<'_>> {
+pub(super) fn observed(scene: &Scene, index: usize) -> Option<NewDetection<'_>> {
     let detection = &scene.detections[index];
-    Some(Detection {
+    Some(NewDetection {
         category: detection.category_index.map(|c| scene.categories[c as usize].as_str()),
         score: detection.score,
-        id: detection.object_index.map(|o| scene.object_ids[o as usize].as_str()),
-        cues: detection.cues.as_deref(),
-        cue_sources: &scene.cue_sources,
-        ..Detection::from_box(detection.bounding_box?)
+        object: detection.object_index.map(|o| scene.object_ids[o as usize].as_str()),
+        cues: detection.cues.as_deref().copied().unwrap_or_default(),
+        ..NewDetection::from_box(detection.bounding_box?)
     })
 }
 
@@ -94,8 +93,8 @@ impl Labels {
 pub(super) fn replay(map: &mut ObjectMap, scene: &Scene, mut after: impl FnMut(usize, &ObjectMap, &Labels)) -> Labels {
     let mut labels = Labels::new(scene);
     for (index, (frame, indices)) in scene.frames.iter().zip(by_frame(scene)).enumerate() {
-        let detections: Vec<Detection> = indices.iter().filter_map(|&d| observed(scene, d)).collect();
-        let frame = Frame::of_scene(frame, index as f64);
+        let detections: Vec<NewDetection> = indices.iter().filter_map(|&d| observed(scene, d)).collect();
+        let frame = Frame::of_scene(scene, frame, index as f64);
         if let Ok(update) = map.observe(&frame, &detections) {
             labels.apply(&frame.id, &indices, &update);
         }

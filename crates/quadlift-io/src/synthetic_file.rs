@@ -3,7 +3,7 @@
 use quadlift::geometry::Intrinsics;
 use quadlift::synthetic::SyntheticScene;
 
-use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, ObjectRecord, SceneFile, cue_records};
+use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, ObjectRecord, SceneFile};
 
 /// The same scene whose detections name the true objects.
 pub fn with_true_ids(mut file: SceneFile, synthetic: &SyntheticScene) -> SceneFile {
@@ -67,19 +67,9 @@ pub fn scene_file(synthetic: &SyntheticScene) -> SceneFile {
             ..Default::default()
         });
     }
-    for detection in &scene.detections {
-        let cues = detection.cues.as_deref().map(|cues| cue_records(cues, &scene.cue_sources));
-        let (depth, box3d) = cues.unwrap_or_default();
-        file.detections.push(DetectionRecord {
-            depth,
-            box3d,
-            frame: scene.frames[detection.frame_index as usize].id.as_str().into(),
-            object: detection.object_index.map(|index| scene.object_ids[index as usize].as_str().into()),
-            bounding_box: detection.bounding_box.map(|b| b.edges()),
-            ellipse: detection.ellipse.map(|ellipse| Box::new(ellipse.into())),
-            ..Default::default()
-        });
-    }
+    // True categories are no measurements.
+    let record = |detection| DetectionRecord { category: None, ..DetectionRecord::of_scene(scene, detection) };
+    file.detections.extend(scene.detections.iter().map(record));
     for (id, body) in &synthetic.truth {
         let mut object = ObjectRecord { id: id.clone(), ..Default::default() };
         object.set_body(body);

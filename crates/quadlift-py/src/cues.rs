@@ -33,8 +33,8 @@ pub(crate) struct CueArrays<'py> {
 }
 
 impl CueArrays<'_> {
-    /// The depth and the 3D box of a row, unchecked.
-    pub(crate) fn records(&self, row: usize) -> (Option<Box<DepthRecord>>, Option<Box<Box3dRecord>>) {
+    /// A record with the depth and the 3D box of a row, unchecked.
+    pub(crate) fn record(&self, row: usize) -> DetectionRecord {
         let depth = value(&self.depth, row).map(|median| {
             let source = self.depth_source.of_row(row).map(Into::into);
             Box::new(DepthRecord { median, sd: value(&self.depth_sd, row), source, ..Default::default() })
@@ -42,7 +42,7 @@ impl CueArrays<'_> {
         let (center, half_extents) = (values(&self.center, row), values(&self.half_extents, row));
         let rotation: Option<[f64; 4]> = values(&self.rotation, row);
         if center.is_none() && half_extents.is_none() && rotation.is_none() {
-            return (depth, None);
+            return DetectionRecord { depth, ..Default::default() };
         }
         let sd = values::<4>(&self.sd, row).map(|sd| {
             let [distance, direction, size, rotation] = sd.map(|x| Some(x).filter(|x| !x.is_nan()));
@@ -59,7 +59,7 @@ impl CueArrays<'_> {
             source: self.source.of_row(row).map(Into::into),
             ..Default::default()
         };
-        (depth, Some(Box::new(box3d)))
+        DetectionRecord { depth, box3d: Some(Box::new(box3d)), ..Default::default() }
     }
 
     /// The same as cues, checked; `pose` is that of the frame, `source_of` gives the index of a source.
@@ -69,9 +69,7 @@ impl CueArrays<'_> {
         pose: impl Fn() -> Option<CamFromWorld>,
         source_of: impl FnMut(&str) -> Result<u32, SceneError>,
     ) -> Result<Cues, String> {
-        let (depth, box3d) = self.records(row);
-        let record = DetectionRecord { depth, box3d, ..Default::default() };
-        record.cues(source_of, pose, str::to_owned).map_err(|error| {
+        self.record(row).cues(source_of, pose, str::to_owned).map_err(|error| {
             // ".box3d.rotation" is boxes3d["rotation"] here.
             let mut fields = error.entry.split('.').filter(|field| !field.is_empty());
             let array = if fields.next() == Some("depth") { "depths" } else { "boxes3d" };

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use quadlift::geometry::{BoundingBox, Ellipse};
 use quadlift::scene::{self, Cues, Detection, Frame, Outlines, Scene, SceneError, SceneParts, Undistorted};
 use quadlift_io::SceneFile;
-use quadlift_io::scene_file::{DetectionRecord, MaskRecord, RleCounts, RleRecord, cue_records};
+use quadlift_io::scene_file::{DetectionRecord, MaskRecord, RleCounts, RleRecord};
 
 use crate::cues::CueArrays;
 use crate::error::refuse;
@@ -16,11 +16,11 @@ use crate::rows::{Names, value, values};
 /// Height and width, and runs of a mask, as in COCO.
 type Runs = ([u32; 2], Vec<u32>);
 
-/// Detections: M rows, the dictionary `DetectionArrays` of `python/quadlift/_arrays.py`.
+/// Detections of a scene, or of a frame of an object map: M rows, the dictionary `DetectionArrays` of `python/quadlift/_arrays.py`.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct DetectionArrays<'py> {
-    /// (M,): index of the frame.
+    /// (M,): index of the frame; any in an object map.
     frames: PyReadonlyArray1<'py, i64>,
     /// (M, 4); a row of NaN is no box.
     #[pyo3(default)]
@@ -51,70 +51,31 @@ pub struct DetectionArrays<'py> {
     cues: Option<CueArrays<'py>>,
 }
 
-/// The boxes of a frame: M rows, the dictionary `BoxArrays` of `python/quadlift/_arrays.py`.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub(crate) struct BoxArrays<'py> {
-    /// (M, 4); a row of NaN is no box.
-    boxes: PyReadonlyArray2<'py, f64>,
-    objects: Names<'py>,
-    categories: Names<'py>,
-    /// (M,); NaN for none.
-    scores: Option<PyReadonlyArray1<'py, f64>>,
-    /// Outlines and turned boxes.
-    #[pyo3(default)]
-    outlines: Option<OutlineArrays<'py>>,
-    /// Depths and 3D boxes.
-    #[pyo3(default)]
-    cues: Option<CueArrays<'py>>,
-}
-
-impl BoxArrays<'_> {
-    /// The detections of a frame as records, checked; or which row is wrong.
-    pub(crate) fn records(&self, frame: &str) -> Result<Vec<DetectionRecord>, String> {
-        let boxes = self.boxes.as_array();
-        let record = |row: usize| {
-            let shape = self.outlines.as_ref().map(|outlines| outlines.of_row(row)).transpose()?.unwrap_or_default();
-            let edges: [f64; 4] = std::array::from_fn(|k| boxes[[row, k]]);
-            let edges = Some(edges).filter(|edges| shape.is_empty() || !edges.iter().all(|x| x.is_nan()));
-            edges.map(BoundingBox::new).transpose().map_err(|error| format!("boxes[{row}]: {error}"))?;
-            let (depth, box3d) = self.cues.as_ref().map_or((None, None), |cues| cues.records(row));
-            Ok(DetectionRecord {
-                frame: frame.into(),
-                object: self.objects.of_row(row).map(Into::into),
-                category: self.categories.of_row(row).map(Into::into),
-                score: value(&self.scores, row),
-                bounding_box: edges,
-                outline: shape.outline,
-                oriented_box: shape.oriented_box.map(|turned| Box::new(turned.into())),
-                depth,
-                box3d,
-                ..Default::default()
-            })
-        };
-        (0..boxes.nrows()).map(record).collect()
-    }
-}
-
-/// A box and an ellipse, measured in the image as it is.
-type Measured = (Option<BoundingBox>, Option<Ellipse>);
-
-/// A row, checked, measured in the image as it is.
+/// What was measured in a row, in the image as it is, checked.
 struct Row {
-    frame_index: u32,
     bounding_box: Option<BoundingBox>,
     ellipse: Option<Ellipse>,
     shape: RowShape,
-    cues: Cues,
+}
+
+impl Row {
+    /// A record with what was measured.
+    fn in_record(&self, record: DetectionRecord) -> DetectionRecord {
+        DetectionRecord {
+            bounding_box: self.bounding_box.map(|b| b.edges()),
+            ellipse: self.ellipse.map(|ellipse| Box::new(ellipse.into())),
+            outline: self.shape.outline.clone(),
+            oriented_box: self.shape.oriented_box.map(|turned| Box::new(turned.into())),
+            ..record
+        }
+    }
 }
 
 /// Data of detections in a scene file that is not in a scene.
 pub struct Originals {
     /// What was measured, where a lens has been taken out of it since, or where a scene has the boxes around outlines; empty where no
     /// frame has a lens and no detection an outline or a turned box.
-    measured: Vec<Measured>,
-    /// Empty where there are none.
-    shapes: Vec<RowShape>,
+    rows: Vec<Row>,
     /// Empty where there are none.
     masks: Vec<Option<Runs>>,
 }
@@ -127,34 +88,37 @@ impl Originals {
     }
 
     fn record(&self, row: usize, scene: &Scene, detection: &Detection) -> DetectionRecord {
-        let name = |index: Option<u32>, names: &[String]| index.map(|index| names[index as usize].as_str().into());
-        let as_it_is = (detection.bounding_box, detection.ellipse);
-        let (bounding_box, ellipse) = self.measured.get(row).copied().unwrap_or(as_it_is);
-        let cues = detection.cues.as_deref().map(|cues| cue_records(cues, &scene.cue_sources));
-        let (depth, box3d) = cues.unwrap_or_default();
-        let shape = self.shapes.get(row).cloned().unwrap_or_default();
-        DetectionRecord {
-            depth,
-            box3d,
-            outline: shape.outline,
-            oriented_box: shape.oriented_box.map(|turned| Box::new(turned.into())),
-            frame: scene.frames[detection.frame_index as usize].id.as_str().into(),
-            object: name(detection.object_index, &scene.object_ids),
-            category: name(detection.category_index, &scene.categories),
-            source: name(detection.source_index, &scene.sources),
-            score: detection.score,
-            bounding_box: bounding_box.map(|b| b.edges()),
-            ellipse: ellipse.map(|ellipse| Box::new(ellipse.into())),
-            mask: self.masks.get(row).and_then(Option::as_ref).map(|(size, runs)| {
-                let rle = RleRecord { size: *size, counts: RleCounts::Runs(runs.clone()), ..Default::default() };
-                Box::new(MaskRecord { rle: Some(rle), ..Default::default() })
-            }),
-            ..Default::default()
+        let mask = self.masks.get(row).and_then(Option::as_ref).map(|(size, runs)| {
+            let rle = RleRecord { size: *size, counts: RleCounts::Runs(runs.clone()), ..Default::default() };
+            Box::new(MaskRecord { rle: Some(rle), ..Default::default() })
+        });
+        let record = DetectionRecord { mask, ..DetectionRecord::of_scene(scene, detection) };
+        match self.rows.get(row) {
+            Some(row) => row.in_record(record),
+            None => record,
         }
     }
 }
 
 impl DetectionArrays<'_> {
+    /// The detections of a frame as records, checked; or which row is wrong.
+    pub(crate) fn records(&self, frame: &str) -> Result<Vec<DetectionRecord>, String> {
+        let record = |row: usize| {
+            let shape = self.shape(row)?;
+            // A row without a shape must have a box.
+            let edges = values(&self.boxes, row).or(shape.is_empty().then_some([f64::NAN; 4]));
+            let found = Row { bounding_box: bounding_box(row, edges)?, ellipse: None, shape };
+            Ok(found.in_record(DetectionRecord {
+                frame: frame.into(),
+                object: self.objects.of_row(row).map(Into::into),
+                category: self.categories.of_row(row).map(Into::into),
+                score: value(&self.scores, row),
+                ..self.cues.as_ref().map(|cues| cues.record(row)).unwrap_or_default()
+            }))
+        };
+        (0..self.frames.as_array().len()).map(record).collect()
+    }
+
     /// Adds the detections to the parts of a scene, which are checked where a scene is made of them.
     pub fn add_to(self, scene: &mut SceneParts) -> PyResult<Originals> {
         let (first, count) = (scene.detections.len(), self.frames.as_array().len());
@@ -173,20 +137,16 @@ impl DetectionArrays<'_> {
         let hidden = self.hidden_edges.as_ref().map(|edges| edges.as_array());
         let has_lens = scene.frames.iter().any(|frame| frame.lens.is_some());
         let has_shapes = self.outlines.is_some();
-        let mut measured = Vec::with_capacity(if has_lens || has_shapes { count } else { 0 });
-        let mut shapes = Vec::with_capacity(if has_shapes { count } else { 0 });
+        let mut rows = Vec::with_capacity(if has_lens || has_shapes { count } else { 0 });
         let mut outlines = Outlines::default();
         scene.detections.reserve(count);
         for row in 0..count {
             let sources = &mut scene.cue_sources;
             let source_of = |name: &str| cue_source(sources, name);
-            let Row { frame_index, bounding_box, ellipse, shape, cues } =
-                self.row(row, &scene.frames, source_of).map_err(refuse)?;
-            if has_lens || has_shapes {
-                measured.push((bounding_box, ellipse));
-            }
-            let (has_box, frame) = (bounding_box.is_some(), &scene.frames[frame_index as usize]);
-            let Undistorted { bounding_box, ellipse, box_in_image } = frame.undistorted(bounding_box, ellipse);
+            let (frame_index, found, cues) = self.row(row, &scene.frames, source_of).map_err(refuse)?;
+            let (has_box, frame) = (found.bounding_box.is_some(), &scene.frames[frame_index as usize]);
+            let Undistorted { bounding_box, ellipse, box_in_image } =
+                frame.undistorted(found.bounding_box, found.ellipse);
             let mut detection = Detection {
                 frame_index,
                 object_index: objects.get(row).copied().flatten(),
@@ -200,14 +160,14 @@ impl DetectionArrays<'_> {
                 cues: (!cues.is_empty()).then(|| Box::new(cues)),
                 ..Default::default()
             };
-            outlines.add(first + row, &mut detection, has_box, frame, &shape.shape()).map_err(refuse)?;
+            outlines.add(first + row, &mut detection, has_box, frame, &found.shape.shape()).map_err(refuse)?;
             scene.detections.push(detection);
-            if has_shapes {
-                shapes.push(shape);
+            if has_lens || has_shapes {
+                rows.push(found);
             }
         }
         outlines.hide(&mut scene.detections);
-        Ok(Originals { measured, shapes, masks: self.masks.unwrap_or_default() })
+        Ok(Originals { rows, masks: self.masks.unwrap_or_default() })
     }
 
     /// All rows whose frame or measurements are wrong, and why.
@@ -222,30 +182,39 @@ impl DetectionArrays<'_> {
         row: usize,
         frames: &[Frame],
         source_of: impl FnMut(&str) -> Result<u32, SceneError>,
-    ) -> Result<Row, String> {
+    ) -> Result<(u32, Row, Cues), String> {
         let frame = self.frames.as_array()[row];
         let frame_index = u32::try_from(frame).ok().filter(|index| (*index as usize) < frames.len());
         let frame_index = frame_index.ok_or_else(|| match frames.len() {
             0 => format!("frames[{row}] is {frame}; there are no frames"),
             count => format!("frames[{row}] is {frame}; expected 0 to {}: there are {count} frames", count - 1),
         })?;
-        let edges: Option<[f64; 4]> = values(&self.boxes, row);
-        let bounding_box = edges.map(BoundingBox::new).transpose().map_err(|e| format!("boxes[{row}]: {e}"))?;
+        let bounding_box = bounding_box(row, values(&self.boxes, row))?;
         let numbers: Option<[f64; 5]> = values(&self.ellipses, row);
         let ellipse = numbers.map(|[x, y, a, b, angle]| Ellipse::new([x, y].into(), [a, b].into(), angle));
         let ellipse = ellipse.transpose().map_err(|e| format!("ellipses[{row}]: {e}"))?;
         let pose = || frames[frame_index as usize].projection.camera_pose();
         let cues = self.cues.as_ref().map(|cues| cues.of_row(row, pose, source_of)).transpose()?.unwrap_or_default();
         let has_center = cues.box3d.is_some_and(|box3d| box3d.center.is_some());
-        let shape = self.outlines.as_ref().map(|outlines| outlines.of_row(row)).transpose()?.unwrap_or_default();
+        let shape = self.shape(row)?;
         if bounding_box.is_none() && ellipse.is_none() && shape.is_empty() && !has_center {
             let or_outline = if self.outlines.is_some() { " nor an outline nor a turned box" } else { "" };
             let or_center = if self.cues.is_some() { " nor a 3D box with a center" } else { "" };
             let measured = format!("neither a box nor an ellipse{or_outline}{or_center}");
             return Err(format!("row {row} has {measured} (all of its numbers are NaN)"));
         }
-        Ok(Row { frame_index, bounding_box, ellipse, shape, cues })
+        Ok((frame_index, Row { bounding_box, ellipse, shape }, cues))
     }
+
+    /// Outline and turned box of a row, checked.
+    fn shape(&self, row: usize) -> Result<RowShape, String> {
+        Ok(self.outlines.as_ref().map(|outlines| outlines.of_row(row)).transpose()?.unwrap_or_default())
+    }
+}
+
+/// The box of a row, checked.
+fn bounding_box(row: usize, edges: Option<[f64; 4]>) -> Result<Option<BoundingBox>, String> {
+    edges.map(BoundingBox::new).transpose().map_err(|error| format!("boxes[{row}]: {error}"))
 }
 
 /// The index of a source of cues, which is added where it is new; there are few of them.

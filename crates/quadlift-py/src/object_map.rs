@@ -19,7 +19,7 @@ use quadlift_io::stream::{
 use quadlift_io::{EntryError, SceneFile};
 use serde_json::{Map, Value};
 
-use crate::detections::BoxArrays;
+use crate::detections::DetectionArrays;
 use crate::error::refuse;
 use crate::live::Live;
 use crate::loaded::Loaded;
@@ -104,7 +104,7 @@ fn noise(sds: [f64; 2]) -> PoseNoise {
 
 impl MapFrame {
     /// The frame with its detections as a line of a stream has them, or what is wrong.
-    fn into_line(self, detections: &BoxArrays) -> Result<FrameLine, String> {
+    fn into_line(self, detections: &DetectionArrays) -> Result<FrameLine, String> {
         if let Some(rows) = &self.cam_from_world {
             CamFromWorld::new(matrix(rows)).map_err(|error| format!("cam_from_world: {error}"))?;
         }
@@ -258,7 +258,7 @@ impl PyObjectMap {
     }
 
     /// Observes a frame; its line of the output of `quadlift stream`.
-    fn observe(&self, py: Python, frame: MapFrame, detections: BoxArrays) -> PyResult<String> {
+    fn observe(&self, py: Python, frame: MapFrame, detections: DetectionArrays) -> PyResult<String> {
         let id = frame.id.clone();
         let line = frame.into_line(&detections).map_err(|problem| refuse(format!("frame \"{id}\": {problem}")))?;
         self.with_live(py, |State { stream: StreamState { map, scene, poses_since }, live }| {

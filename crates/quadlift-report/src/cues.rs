@@ -68,7 +68,7 @@ fn rounded(x: f64) -> f64 {
 mod tests {
     use nalgebra::{Matrix3x4, Vector3};
     use quadlift::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics, project_bounding_box};
-    use quadlift::scene::{Cues, DepthCue, DetectionInput, SceneBuilder};
+    use quadlift::scene::{Cues, DepthCue, NewDetection, SceneBuilder};
 
     use super::*;
 
@@ -98,7 +98,7 @@ mod tests {
         let depth = DepthCue { median: 1.1 * near, sd: None, source: None };
         for box3d in [box3d, Box3dCue { half_extents: None, ..box3d }] {
             let cues = Cues { depth: Some(depth), box3d: Some(box3d) };
-            let input = DetectionInput { frame: "a", bounding_box: Some(edges), cues, ..Default::default() };
+            let input = NewDetection { frame: "a", bounding_box: Some(edges), cues, ..Default::default() };
             builder.add_detection(&input).unwrap();
         }
         let scene = builder.build();

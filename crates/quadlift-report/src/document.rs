@@ -236,7 +236,7 @@ mod tests {
     use crate::{ReportObject, Scores, TrueObjectScores};
     use nalgebra::Matrix3x4;
     use quadlift::geometry::{BoundingBox, Projection};
-    use quadlift::scene::{DetectionInput, SceneBuilder};
+    use quadlift::scene::{NewDetection, SceneBuilder};
     use serde_json::json;
 
     /// Frames of unknown size with one box of each source.
@@ -247,7 +247,7 @@ mod tests {
             let frame = frame.to_string();
             builder.add_frame(&frame, projection, None).unwrap();
             for source in ["yolo", "label"] {
-                let input = DetectionInput {
+                let input = NewDetection {
                     frame: &frame,
                     object: Some("cup"),
                     category: Some("cup"),
@@ -325,8 +325,7 @@ mod tests {
         builder.add_frame("0", Projection::from_matrix(Matrix3x4::identity()).unwrap(), None).unwrap();
         let add = |builder: &mut SceneBuilder, object: &str, ellipse: Option<Ellipse>| {
             let bounding_box = BoundingBox::new([10.0, 20.0, 110.0, 60.0]).ok().filter(|_| ellipse.is_none());
-            let input =
-                DetectionInput { frame: "0", object: Some(object), bounding_box, ellipse, ..Default::default() };
+            let input = NewDetection { frame: "0", object: Some(object), bounding_box, ellipse, ..Default::default() };
             builder.add_detection(&input).unwrap();
         };
         let ellipse = |angle| Ellipse::new([50.123, 40.0].into(), [30.06, 20.0].into(), angle).ok();

@@ -6,8 +6,8 @@ use std::ops::Bound;
 
 use nalgebra::Vector2;
 use quadlift::geometry::Body;
-use quadlift::online::{Detection, Event, Frame, FrameUpdate, MapObject, ObjectId, ObjectMap, Presence};
-use quadlift::scene::Shape;
+use quadlift::online::{Event, Frame, FrameUpdate, MapObject, ObjectId, ObjectMap, Presence};
+use quadlift::scene::{NewDetection, Shape};
 use quadlift_io::stream::EventRecord;
 use serde::Serialize;
 
@@ -128,7 +128,7 @@ impl LiveMap {
         &mut self,
         map: &ObjectMap,
         frame: &Frame,
-        detections: &[Detection],
+        detections: &[NewDetection],
         update: &FrameUpdate,
     ) -> LiveRecord {
         let objects = match self.is_begun {
@@ -225,7 +225,7 @@ fn closed_shape(shape: &Shape) -> Option<Vec<Vector2<f64>>> {
     Some(corners)
 }
 
-fn frame_record(frame: &Frame, detections: &[Detection], update: &FrameUpdate, in_image: bool) -> RecordingFrame {
+fn frame_record(frame: &Frame, detections: &[NewDetection], update: &FrameUpdate, in_image: bool) -> RecordingFrame {
     let (mut boxes, mut detected_outlines, mut boxes3d) = (Vec::new(), Vec::new(), Vec::new());
     for (detection, object) in detections.iter().zip(&update.objects) {
         let owner = Owner {
@@ -234,16 +234,17 @@ fn frame_record(frame: &Frame, detections: &[Detection], update: &FrameUpdate, i
             inlier: None,
             color: object.map_or(UNKNOWN, |id| of_object(index(id))),
         };
-        let measured = detection.cues.and_then(|cues| cues.box3d);
+        let measured = detection.cues.box3d;
         boxes3d.extend(measured.and_then(|measured| RecordingBox3d::new(&measured, &frame.projection, &owner)));
         let lens = frame.lens.as_ref().filter(|_| !in_image);
         // Corners are not undistorted: their sides would be curves.
-        if let Some(border) = closed_shape(&detection.shape).filter(|_| lens.is_none()) {
+        if let Some(border) = closed_shape(&detection.shape()).filter(|_| lens.is_none()) {
             detected_outlines.push(RecordingOutline { lines: vec![line(&border)], owner: owner.clone() });
         }
+        let measured = detection.box_or_around();
         let shown = match lens {
-            Some(lens) => lens.undistort_box(&detection.bounding_box),
-            None => Some(detection.bounding_box),
+            Some(lens) => measured.and_then(|measured| lens.undistort_box(&measured)),
+            None => measured,
         };
         boxes.extend(shown.map(|shown| RecordingBox { edges: shown.edges(), owner }));
     }
@@ -278,14 +279,9 @@ mod tests {
     fn frame(k: u32) -> (Frame, Vec<BoundingBox>) {
         let x = 0.25 * f64::from(k);
         let p = Matrix3x4::new(500.0, 0.0, 320.0, -500.0 * x, 0.0, 500.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0);
-        let frame = Frame {
-            id: format!("{k}.jpg"),
-            time: f64::from(k) / 10.0,
-            projection: Projection::from_matrix(p).unwrap(),
-            image_size: Some([640.0, 480.0].into()),
-            lens: None,
-            pose_noise: None,
-        };
+        let image_size = Some([640.0, 480.0].into());
+        let projection = Projection::from_matrix(p).unwrap();
+        let frame = Frame { image_size, ..Frame::new(format!("{k}.jpg"), f64::from(k) / 10.0, projection) };
         let edges = (0..20).filter_map(|cup| {
             let u = 320.0 + 100.0 * (3.0 * f64::from(cup) - x);
             (60.0..580.0).contains(&u).then(|| BoundingBox::new([u - 50.0, 190.0, u + 50.0, 290.0]).unwrap())
@@ -314,8 +310,8 @@ mod tests {
         };
         for k in 0..200 {
             let (frame, boxes) = frame(k);
-            let detections: Vec<Detection> =
-                boxes.iter().map(|&b| Detection { category: Some("cup"), ..Detection::from_box(b) }).collect();
+            let detections: Vec<NewDetection> =
+                boxes.iter().map(|&b| NewDetection { category: Some("cup"), ..NewDetection::from_box(b) }).collect();
             let update = map.observe(&frame, &detections).unwrap();
             let record = live.frame(&map, &frame, &detections, &update);
             assert_eq!((record.index, record.time), (u64::from(k), Some(frame.time)));
@@ -342,7 +338,7 @@ mod tests {
     #[test]
     fn a_box_has_the_color_of_its_object() {
         let (frame, boxes) = frame(0);
-        let detections: Vec<Detection> = boxes.iter().map(|&b| Detection::from_box(b)).collect();
+        let detections: Vec<NewDetection> = boxes.iter().map(|&b| NewDetection::from_box(b)).collect();
         assert_eq!(detections.len(), 1);
         for (object, color) in [(None, UNKNOWN), (Some(ObjectId(12)), of_object(1))] {
             let update = FrameUpdate { objects: vec![object], events: Vec::new() };
@@ -356,7 +352,8 @@ mod tests {
         let lens = Camera::new(CameraModel::SimpleRadial, &[500.0, 320.0, 240.0, -0.1]).unwrap();
         frame.lens = Some(lens);
         let update = FrameUpdate { objects: vec![None], events: Vec::new() };
-        let shown = |in_image| frame_record(&frame, &[Detection::from_box(boxes[0])], &update, in_image).boxes[0].edges;
+        let shown =
+            |in_image| frame_record(&frame, &[NewDetection::from_box(boxes[0])], &update, in_image).boxes[0].edges;
         assert_eq!(shown(true), boxes[0].edges());
         assert_eq!(shown(false), lens.undistort_box(&boxes[0]).unwrap().edges());
         assert_ne!(shown(false), shown(true));

@@ -131,7 +131,7 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 mod tests {
     use nalgebra::Vector3;
     use quadlift::geometry::{BoundingBox, Intrinsics};
-    use quadlift::scene::{DetectionInput, SceneBuilder};
+    use quadlift::scene::{NewDetection, SceneBuilder};
     use serde_json::json;
 
     use super::*;
@@ -160,7 +160,7 @@ mod tests {
             let id = index.to_string();
             builder.add_frame(&id, Projection::from_camera(&intrinsics(), pose), None).unwrap();
             let bounding_box = BoundingBox::new([10.0, 20.0, 110.0, 60.0]).ok();
-            let input = DetectionInput { frame: &id, object: Some("a"), bounding_box, ..Default::default() };
+            let input = NewDetection { frame: &id, object: Some("a"), bounding_box, ..Default::default() };
             builder.add_detection(&input).unwrap();
         }
         builder.build()

@@ -317,7 +317,7 @@ mod tests {
     use super::*;
     use nalgebra::Rotation3;
     use quadlift::geometry::{BoundingBox, CamFromWorld, Ellipse, Intrinsics};
-    use quadlift::scene::{DetectionInput, SceneBuilder};
+    use quadlift::scene::{NewDetection, SceneBuilder};
     use quadlift_io::SceneFile;
     use serde_json::json;
 
@@ -352,15 +352,8 @@ mod tests {
             (Some("cup"), Some("cup"), Some("label"), bounding_box, None),
             (None, Some("car"), None, None, ellipse),
         ] {
-            let input = DetectionInput {
-                frame: "a",
-                object,
-                category,
-                source,
-                bounding_box,
-                ellipse,
-                ..DetectionInput::default()
-            };
+            let input =
+                NewDetection { frame: "a", object, category, source, bounding_box, ellipse, ..NewDetection::default() };
             builder.add_detection(&input).unwrap();
         }
         builder.build()

@@ -6,7 +6,7 @@
 
 use quadlift::geometry::{BoundingBox, CamFromWorld, Intrinsics, Projection};
 use quadlift::nalgebra::Matrix3x4;
-use quadlift::scene::{DetectionInput, SceneBuilder};
+use quadlift::scene::{NewDetection, SceneBuilder};
 use quadlift::{LocalizeOptions, localize};
 
 /// The rows of `[R | t]`, world to camera (x right, y down, z forward), and the box `x0, y0, x1, y1` in pixels.
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let frame = index.to_string();
         let cam_from_world = CamFromWorld::new(Matrix3x4::from_row_slice(&pose))?;
         builder.add_frame(&frame, Projection::from_camera(&intrinsics, &cam_from_world), Some([640.0, 480.0]))?;
-        builder.add_detection(&DetectionInput {
+        builder.add_detection(&NewDetection {
             frame: &frame,
             object: Some("cup_1"),
             bounding_box: Some(BoundingBox::new(edges)?),

@@ -4,7 +4,7 @@
 //! ```
 //! use nalgebra::Matrix3x4;
 //! use quadlift::geometry::{BoundingBox, CamFromWorld, Intrinsics, Projection};
-//! use quadlift::scene::{DetectionInput, SceneBuilder};
+//! use quadlift::scene::{NewDetection, SceneBuilder};
 //! use quadlift::{LocalizeOptions, localize};
 //!
 //! let camera = Intrinsics::new(500.0, 500.0, 320.0, 240.0)?;
@@ -16,7 +16,7 @@
 //!     builder.add_frame(frame, projection, Some([640.0, 480.0]))?;
 //!     let u = 320.0 - 100.0 * x;
 //!     let bounding_box = Some(BoundingBox::new([u - 50.0, 190.0, u + 50.0, 290.0])?);
-//!     builder.add_detection(&DetectionInput { frame, object: Some("cup"), bounding_box, ..Default::default() })?;
+//!     builder.add_detection(&NewDetection { frame, object: Some("cup"), bounding_box, ..Default::default() })?;
 //! }
 //! let result = localize(&builder.build(), &LocalizeOptions::default())?;
 //! let cup = &result.estimates[0];

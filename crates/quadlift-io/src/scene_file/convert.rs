@@ -1,13 +1,13 @@
-//! Converts a scene file to the library's scene: resolves cameras, checks every number and id.
+//! Converts a scene file to the library's scene: resolves cameras, checks every number and id. And detections back.
 
 use std::cell::OnceCell;
 use std::collections::HashMap;
 
 use nalgebra::{Matrix3x4, Vector2};
 use quadlift::geometry::{BoundingBox, BoundingBoxError, CamFromWorld, Camera, CameraModel, Ellipse, Projection};
-use quadlift::scene::{Cues, DepthCue, DetectionInput, RigCamera, Scene, SceneBuilder, SceneError};
+use quadlift::scene::{Cues, DepthCue, Detection, NewDetection, RigCamera, Scene, SceneBuilder, SceneError};
 
-use super::cue_records::Box3dRecord;
+use super::cue_records::{Box3dRecord, DepthRecord};
 use super::records::{
     CameraRecord, DetectionRecord, FrameRecord, OrientedBoxRecord, RIG_FRAME, SceneFile, SegmentationRecord,
 };
@@ -75,7 +75,7 @@ impl SceneFile {
             let entry = |field: &str| format!("detections[{index}]{field}");
             let pose = || pose_of(frames.get_or_init(|| self.frames_by_id()).get(&*detection.frame)?);
             let cues = detection.cues(|name| builder.cue_source(name), pose, entry)?;
-            let input = DetectionInput { cues, ..detection_input(detection, entry)? };
+            let input = NewDetection { cues, ..detection.detection(entry)? };
             builder.add_detection(&input).map_err(|error| match error {
                 SceneError::Outline(error) => EntryError::new(entry(".outline"), error),
                 SceneError::UnknownFrame(id) => {
@@ -163,6 +163,62 @@ fn pose_of(frame: &FrameRecord) -> Option<CamFromWorld> {
 }
 
 impl DetectionRecord {
+    /// A detection of a scene with its names, box, ellipse and cues, as they are in the scene.
+    pub fn of_scene(scene: &Scene, detection: &Detection) -> Self {
+        let name = |index: Option<u32>, names: &[String]| index.map(|index| names[index as usize].as_str().into());
+        let source = |index: Option<u32>| name(index, &scene.cue_sources);
+        let cues = detection.cues.as_deref().copied().unwrap_or_default();
+        Self {
+            frame: scene.frames[detection.frame_index as usize].id.as_str().into(),
+            object: name(detection.object_index, &scene.object_ids),
+            category: name(detection.category_index, &scene.categories),
+            source: name(detection.source_index, &scene.sources),
+            score: detection.score,
+            bounding_box: detection.bounding_box.map(|b| b.edges()),
+            ellipse: detection.ellipse.map(|ellipse| Box::new(ellipse.into())),
+            depth: cues.depth.map(|depth| Box::new(DepthRecord::of(&depth, source(depth.source)))),
+            box3d: cues.box3d.map(|box3d| Box::new(Box3dRecord::of(&box3d, source(box3d.source)))),
+            ..Default::default()
+        }
+    }
+
+    /// The detection with checked geometry, without its cues.
+    pub(crate) fn detection(&self, entry: impl Fn(&str) -> String) -> Result<NewDetection<'_>, EntryError> {
+        let bounding_box = self.bounding_box.map(BoundingBox::new).transpose().map_err(|error| {
+            let hint = match error {
+                BoundingBoxError::Empty(_) => {
+                    " (if the numbers are x, y, width, height: --assume boxes=xywh; center and size: --assume boxes=cxcywh)"
+                }
+                _ => "",
+            };
+            EntryError::new(entry(".box"), format!("{error}{hint}"))
+        })?;
+        let ellipse = self.ellipse.as_deref().map(|e| {
+            Ellipse::new(Vector2::from(e.center), Vector2::from(e.semi_axes), e.angle).map_err(|error| {
+                EntryError::new(entry(".ellipse"), format!("{error}; \"semi_axes\" is {:?}", e.semi_axes))
+            })
+        });
+        let oriented_box = self.oriented_box.as_deref().map(OrientedBoxRecord::turned_box).transpose();
+        let segmentation = self.segmentation.as_deref();
+        // Without a reliable mask the ellipse has no more information than the box.
+        let of_box = bounding_box.is_some() && segmentation.is_some_and(SegmentationRecord::fell_back);
+        Ok(NewDetection {
+            frame: &self.frame,
+            object: self.object.as_deref(),
+            category: self.category.as_deref(),
+            source: self.source.as_deref(),
+            score: self.score,
+            bounding_box,
+            ellipse: ellipse.transpose()?.filter(|_| !of_box),
+            outline: self.outline.as_deref(),
+            oriented_box: oriented_box.map_err(|error| EntryError::new(entry(".oriented_box"), error))?,
+            partial: segmentation.is_some_and(SegmentationRecord::is_partial),
+            occluded: self.occluded,
+            truncated: self.truncated,
+            ..Default::default()
+        })
+    }
+
     /// The depth and the 3D box, checked; `source_of` gives the index of a source, `pose` is that of the frame.
     ///
     /// # Errors
@@ -186,7 +242,7 @@ impl DetectionRecord {
         if let Some(record) = self.box3d.as_deref() {
             let source = source(&record.source, ".box3d.source")?;
             let box3d = record.cue(source, pose, |field| entry(&format!(".box3d{field}")))?;
-            Cues { depth: None, box3d: Some(box3d) }
+            Cues { box3d: Some(box3d), ..Cues::default() }
                 .check()
                 .map_err(|error| EntryError::new(entry(".box3d"), error))?;
             cues.box3d = Some(box3d);
@@ -199,7 +255,7 @@ impl Box3dRecord {
     /// Whether it is a valid box in front of the camera of a frame.
     pub(crate) fn is_in_front_of(&self, frame: &FrameRecord) -> bool {
         let cue = self.cue(None, || pose_of(frame), str::to_owned);
-        cue.is_ok_and(|box3d| Cues { depth: None, box3d: Some(box3d) }.check().is_ok())
+        cue.is_ok_and(|box3d| Cues { box3d: Some(box3d), ..Cues::default() }.check().is_ok())
     }
 }
 
@@ -231,43 +287,4 @@ fn image_size(
 
 fn matrix(rows: &[[f64; 4]; 3]) -> Matrix3x4<f64> {
     Matrix3x4::from_fn(|i, j| rows[i][j])
-}
-
-/// A detection with checked geometry.
-fn detection_input<'a>(
-    record: &'a DetectionRecord,
-    entry: impl Fn(&str) -> String,
-) -> Result<DetectionInput<'a>, EntryError> {
-    let bounding_box = record.bounding_box.map(BoundingBox::new).transpose().map_err(|error| {
-        let hint = match error {
-            BoundingBoxError::Empty(_) => {
-                " (if the numbers are x, y, width, height: --assume boxes=xywh; center and size: --assume boxes=cxcywh)"
-            }
-            _ => "",
-        };
-        EntryError::new(entry(".box"), format!("{error}{hint}"))
-    })?;
-    let ellipse = record.ellipse.as_deref().map(|e| {
-        Ellipse::new(Vector2::from(e.center), Vector2::from(e.semi_axes), e.angle)
-            .map_err(|error| EntryError::new(entry(".ellipse"), format!("{error}; \"semi_axes\" is {:?}", e.semi_axes)))
-    });
-    let oriented_box = record.oriented_box.as_deref().map(OrientedBoxRecord::turned_box).transpose();
-    let segmentation = record.segmentation.as_deref();
-    // Without a reliable mask the ellipse has no more information than the box.
-    let of_box = bounding_box.is_some() && segmentation.is_some_and(SegmentationRecord::fell_back);
-    Ok(DetectionInput {
-        frame: &record.frame,
-        object: record.object.as_deref(),
-        category: record.category.as_deref(),
-        source: record.source.as_deref(),
-        score: record.score,
-        bounding_box,
-        ellipse: ellipse.transpose()?.filter(|_| !of_box),
-        outline: record.outline.as_deref(),
-        oriented_box: oriented_box.map_err(|error| EntryError::new(entry(".oriented_box"), error))?,
-        partial: segmentation.is_some_and(SegmentationRecord::is_partial),
-        occluded: record.occluded,
-        truncated: record.truncated,
-        ..Default::default()
-    })
 }

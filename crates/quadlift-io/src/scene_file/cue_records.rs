@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Point3, Rotation3, SMatrix, Vector3};
 use quadlift::geometry::{CamFromWorld, quaternion_from_rotation, rotation_from_quaternion};
-use quadlift::scene::{Box3dCue, Box3dSd, Cues, DepthCue, SceneBuilder};
+use quadlift::scene::{Box3dCue, Box3dSd, DepthCue, SceneBuilder};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -168,26 +168,27 @@ fn sd_of(rows: &[Vec<f64>], center: Option<Point3<f64>>, to_camera: &Matrix3<f64
     Ok(Box3dSd { distance, direction, size: Some(mean(6).sqrt()), rotation: Some(mean(3).sqrt()) })
 }
 
-/// The records of a detection's cues, in the frame of the camera; `sources` are the names of their sources.
-pub fn cue_records(cues: &Cues, sources: &[String]) -> (Option<Box<DepthRecord>>, Option<Box<Box3dRecord>>) {
-    let name = |source: Option<u32>| sources.get(source? as usize).map(|name| name.as_str().into());
-    let depth = cues.depth.map(|depth| {
-        let DepthCue { median, sd, source } = depth;
-        Box::new(DepthRecord { median, sd, source: name(source), extra: Map::new() })
-    });
-    let box3d = cues.box3d.map(|measured| {
+impl DepthRecord {
+    /// The record of a cue, with the name of its source.
+    pub(super) fn of(depth: &DepthCue, source: Option<Box<str>>) -> Self {
+        Self { median: depth.median, sd: depth.sd, source, extra: Map::new() }
+    }
+}
+
+impl Box3dRecord {
+    /// The record of a cue in the frame of the camera, with the name of its source.
+    pub(super) fn of(measured: &Box3dCue, source: Option<Box<str>>) -> Self {
         let Box3dSd { distance, direction, size, rotation } = measured.sd;
         let sd = Box3dSdRecord { distance, direction, size, rotation };
-        Box::new(Box3dRecord {
+        Self {
             center: measured.center.map(Into::into),
             half_extents: measured.half_extents.map(Into::into),
             rotation: measured.rotation.as_ref().map(quaternion_from_rotation),
             sd: (measured.sd != Box3dSd::default()).then_some(sd),
-            source: name(measured.source),
+            source,
             ..Default::default()
-        })
-    });
-    (depth, box3d)
+        }
+    }
 }
 
 #[cfg(test)]
@@ -195,7 +196,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use crate::scene_file::SceneFile;
+    use crate::scene_file::{DetectionRecord, SceneFile};
 
     fn file(box3d: Value) -> SceneFile {
         serde_json::from_value(json!({
@@ -224,9 +225,9 @@ mod tests {
             (cues.depth.unwrap().source, scene.cue_sources.as_slice()),
             (Some(0), ["net".to_owned()].as_slice())
         );
-        let (depth, written) = cue_records(cues, &scene.cue_sources);
-        assert_eq!(depth.unwrap().source.as_deref(), Some("net"));
-        let again = file(serde_json::to_value(written.unwrap()).unwrap()).to_scene().unwrap();
+        let written = DetectionRecord::of_scene(&scene, &scene.detections[0]);
+        assert_eq!(written.depth.unwrap().source.as_deref(), Some("net"));
+        let again = file(serde_json::to_value(written.box3d.unwrap()).unwrap()).to_scene().unwrap();
         let again = again.detections[0].cues.as_deref().unwrap().box3d.unwrap();
         assert_eq!((again.center, again.half_extents), (box3d.center, box3d.half_extents));
         assert!((again.rotation.unwrap().matrix() - box3d.rotation.unwrap().matrix()).amax() < 1e-12);

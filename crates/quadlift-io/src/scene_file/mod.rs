@@ -28,7 +28,7 @@ mod write;
 mod tests;
 
 pub use bodies::{ObjectBodies, coordinates_name};
-pub use cue_records::{Box3dRecord, Box3dSdRecord, CueSourceRecord, DepthRecord, cue_records};
+pub use cue_records::{Box3dRecord, Box3dSdRecord, CueSourceRecord, DepthRecord};
 pub use depth_images::DepthsFound;
 pub use images::{MaskSource, SceneImages};
 pub use object_records::{

@@ -138,7 +138,7 @@ mod tests {
     use crate::scene_file::SceneFile;
     use nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
     use quadlift::geometry::{Body, BodyKind, Ellipsoid, Projection};
-    use quadlift::scene::{DetectionInput, SceneBuilder};
+    use quadlift::scene::{NewDetection, SceneBuilder};
     use quadlift::solve::{Covariance, CovarianceCoordinates, Matrix9, Rejection, Status, ViewReport, Warning};
 
     fn scene() -> Scene {
@@ -148,7 +148,7 @@ mod tests {
         for frame in ["f0", "f1"] {
             builder.add_frame(frame, projection, None).unwrap();
             for object in ["cup", "box", "tin", "can"] {
-                let input = DetectionInput {
+                let input = NewDetection {
                     frame,
                     object: Some(object),
                     category: Some("thing"),

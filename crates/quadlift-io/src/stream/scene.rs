@@ -2,14 +2,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use quadlift::geometry::{BoundingBox, Ellipse, OrientedBox};
-use quadlift::online::{Detection, Frame, MapShape, ObjectMap, PoseUpdate};
-use quadlift::scene::{self, Cues, Shape};
+use quadlift::geometry::OrientedBox;
+use quadlift::online::{Frame, MapShape, ObjectMap, PoseUpdate};
+use quadlift::scene::{self, Cues, NewDetection};
 
 use super::line::{AboutRecord, CameraOfFrame, FrameLine, PoseRecord};
 use crate::error::EntryError;
 use crate::scene_file::{
-    CameraRecord, CueSourceRecord, DetectionRecord, FrameRecord, OrientedBoxRecord, SceneFile, cue_records, known_names,
+    CameraRecord, CueSourceRecord, DetectionRecord, FrameRecord, OrientedBoxRecord, SceneFile, known_names,
 };
 
 /// Cameras with an id, at most; others can be given in their frames.
@@ -44,11 +44,8 @@ pub struct CheckedFrame {
     /// Its camera, where it was given in the frame, and whether it has an id of its own.
     camera: Option<(CameraRecord, bool)>,
     detections: Vec<DetectionRecord>,
-    boxes: Vec<BoundingBox>,
     /// Depths and 3D boxes in the frame of the camera; `None` where a detection has none.
     cues: Vec<Option<Box<Cues>>>,
-    cue_sources: Vec<String>,
-    scaled_by_frame: BTreeSet<u32>,
 }
 
 impl CheckedFrame {
@@ -58,24 +55,14 @@ impl CheckedFrame {
     }
 
     /// The detections, in their order.
-    pub fn detections(&self) -> Vec<Detection<'_>> {
-        (self.detections.iter().zip(&self.boxes).zip(&self.cues))
-            .map(|((record, &bounding_box), cues)| Detection {
-                bounding_box,
-                has_box: record.bounding_box.is_some() || record.ellipse.is_some(),
-                shape: Shape {
-                    outline: record.outline.as_deref(),
-                    oriented_box: record.oriented_box.as_deref().and_then(|turned| turned.turned_box().ok()),
-                    hidden_lines: None,
-                },
-                category: record.category.as_deref(),
-                score: record.score,
-                id: record.object.as_deref(),
-                cues: cues.as_deref(),
-                cue_sources: &self.cue_sources,
-                scaled_by_frame: Some(&self.scaled_by_frame),
-            })
-            .collect()
+    pub fn detections(&self) -> Vec<NewDetection<'_>> {
+        let all = self.detections.iter().zip(&self.cues);
+        // Checked already.
+        let named = all.map(|(record, cues)| NewDetection {
+            cues: cues.as_deref().copied().unwrap_or_default(),
+            ..record.detection(str::to_owned).unwrap_or_default()
+        });
+        named.collect()
     }
 }
 
@@ -186,16 +173,15 @@ impl StreamedScene {
             record.camera = Some(camera.id.clone());
         }
         let scene = self.scene_of(&record, camera.as_ref().map(|(camera, _)| camera), &detections)?;
-        let scene::SceneParts { frames, detections: checked, cue_sources, scaled_by_frame, .. } = scene.into_parts();
-        let cues = checked.into_iter().map(|detection| detection.cues).collect();
-        let found = detections.iter().enumerate().map(|(index, record)| {
+        let cues = scene.detections.iter().map(|detection| detection.cues.clone()).collect();
+        for (index, record) in detections.iter().enumerate() {
+            let entry = |field: &str| format!("detections[{index}]{field}");
             let problem = "there is no \"box\"; expected [x0, y0, x1, y1], an \"outline\" or an \"oriented_box\"";
-            box_of(record).ok_or_else(|| EntryError::new(format!("detections[{index}]"), problem))
-        });
-        let boxes = found.collect::<Result<_, _>>()?;
+            record.detection(entry)?.box_or_around().ok_or_else(|| EntryError::new(entry(""), problem))?;
+        }
         let time = record.time.unwrap_or_default();
-        let mut frame = match frames.first() {
-            Some(frame) => Frame::of_scene(frame, time),
+        let mut frame = match scene.frames.first() {
+            Some(frame) => Frame::of_scene(&scene, frame, time),
             None => return Err(EntryError::new("frame", "there is no frame")),
         };
         if let Some(noise) = pose_noise {
@@ -206,7 +192,7 @@ impl StreamedScene {
             }
             frame.pose_noise = Some(noise);
         }
-        Ok(CheckedFrame { frame, record, given, camera, detections, boxes, cues, cue_sources, scaled_by_frame })
+        Ok(CheckedFrame { frame, record, given, camera, detections, cues })
     }
 
     /// Keeps a frame that was observed.
@@ -275,32 +261,21 @@ impl StreamedScene {
     }
 
     /// `shapes` are those of the detections.
-    fn file_of(&self, scene: &scene::Scene, shapes: &[Option<MapShape>]) -> SceneFile {
+    fn file_of(&self, scene: &scene::Scene, shapes: &[Option<&MapShape>]) -> SceneFile {
         let frames: Vec<FrameRecord> = scene.frames.iter().map(|frame| self.record_of(frame)).collect();
         let used: BTreeSet<&str> = frames.iter().filter_map(|frame| frame.camera.as_deref()).collect();
         let all = self.cameras.values().chain(self.unnamed.values());
         let cameras = all.filter(|camera| used.contains(camera.id.as_str())).cloned().collect();
-        let cues = |detection: &scene::Detection| match &detection.cues {
-            Some(cues) => cue_records(cues, &scene.cue_sources),
-            None => (None, None),
-        };
-        let detections =
-            scene.detections.iter().zip(shapes).map(|(detection, shape)| (detection, shape.as_ref(), cues(detection)));
         let short = |[x, y]: [f64; 2]| [shortest(x), shortest(y)];
-        let detections = detections.map(|(detection, shape, (depth, box3d))| DetectionRecord {
-            depth,
-            box3d,
-            outline: shape.and_then(|s| Some(s.outline.as_ref()?.iter().copied().map(short).collect())),
-            oriented_box: shape.and_then(|s| s.oriented_box).map(|turned| Box::new(short_turned(turned))),
-            frame: scene.frames[detection.frame_index as usize].id.as_str().into(),
-            object: detection.object_index.map(|index| scene.object_ids[index as usize].as_str().into()),
-            category: detection.category_index.map(|index| scene.categories[index as usize].as_str().into()),
+        let detections = scene.detections.iter().zip(shapes).map(|(detection, shape)| DetectionRecord {
+            outline: shape.and_then(|s| Some(s.outline()?.into_iter().map(short).collect())),
+            oriented_box: shape.and_then(|s| s.oriented_box()).map(|turned| Box::new(short_turned(turned))),
             score: detection.score.map(shortest),
             // Not the box around an outline alone.
             bounding_box: (detection.box_in_image.or(detection.bounding_box))
-                .filter(|_| shape.is_none_or(|s| s.has_box))
+                .filter(|_| shape.is_none_or(|s| s.has_box()))
                 .map(|found| found.edges().map(shortest)),
-            ..Default::default()
+            ..DetectionRecord::of_scene(scene, detection)
         });
         let mut seen = BTreeSet::new();
         SceneFile {
@@ -414,24 +389,4 @@ fn fnv_1a(bytes: &[u8]) -> u64 {
 /// An id of two cameras.
 fn other_camera(entry: String, id: &str) -> EntryError {
     EntryError::new(entry, format!("the camera \"{id}\" was given before with other numbers"))
-}
-
-/// The box of a checked detection; of an ellipse, an outline or a turned box alone, the box around it.
-fn box_of(record: &DetectionRecord) -> Option<BoundingBox> {
-    let of_ellipse = || {
-        let ellipse = record.ellipse.as_deref()?;
-        let ellipse = Ellipse::new(ellipse.center.into(), ellipse.semi_axes.into(), ellipse.angle).ok()?;
-        Some(ellipse.bounding_box())
-    };
-    let of_shape = || match (record.outline.as_deref(), record.oriented_box.as_deref()) {
-        (Some(corners), _) => {
-            let first = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-            let around =
-                corners.iter().fold(first, |[x0, y0, x1, y1], &[x, y]| [x0.min(x), y0.min(y), x1.max(x), y1.max(y)]);
-            BoundingBox::new(around).ok()
-        }
-        (None, turned) => turned?.turned_box().ok()?.bounding_box(),
-    };
-    let measured = record.bounding_box.and_then(|edges| BoundingBox::new(edges).ok());
-    measured.or_else(of_ellipse).or_else(of_shape)
 }

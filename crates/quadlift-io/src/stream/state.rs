@@ -23,7 +23,7 @@ use crate::wording::plain_words;
 /// The value of `format` in a state file.
 pub const STATE_FORMAT: &str = "quadlift.stream_state";
 /// The value of `version` that this program reads and writes.
-pub const STATE_VERSION: u64 = 1;
+pub const STATE_VERSION: u64 = 2;
 
 /// What goes on: the map, the scene, and where the input was.
 #[derive(Debug, Clone)]

@@ -20,7 +20,7 @@ pub use options::RenderOptions;
 use image::RgbImage;
 use quadlift::geometry::{Body, BoundingBox, Projection};
 use quadlift::random::{normal, stream};
-use quadlift::scene::{DetectionInput, SceneBuilder};
+use quadlift::scene::{NewDetection, SceneBuilder};
 use quadlift::synthetic::{SyntheticError, SyntheticScene};
 
 use crate::label_image::LabelImage;
@@ -87,7 +87,7 @@ pub fn render(options: &RenderOptions) -> Result<RenderedScene, SyntheticError> 
                 continue;
             };
             let noisy = noisy_box(&exact, options, || normal(&mut rng))?;
-            builder.add_detection(&DetectionInput {
+            builder.add_detection(&NewDetection {
                 frame: &frame.id,
                 object: Some(&id(object)),
                 category: Some(world.objects[object].kind.name()),

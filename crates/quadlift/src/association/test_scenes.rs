@@ -5,7 +5,7 @@ use nalgebra::{Point3, Rotation3, Vector3};
 use super::input::observations::Observations;
 use super::score::scene_statistics::SceneStatistics;
 use crate::geometry::{Ellipsoid, project_ellipsoid};
-use crate::scene::{DetectionInput, Scene, SceneBuilder};
+use crate::scene::{NewDetection, Scene, SceneBuilder};
 use crate::synthetic::{SyntheticOptions, Trajectory, generate};
 
 /// A body somewhere near the middle.
@@ -34,7 +34,7 @@ pub(crate) fn of_frames(
         builder.add_frame(&frame.id, frame.projection, Some([1280.0, 960.0])).unwrap();
         for (body, category) in shown(index) {
             let bounding_box = Some(project_ellipsoid(&frame.projection, &body).unwrap().bounding_box());
-            let detection = DetectionInput { frame: &frame.id, category, bounding_box, ..Default::default() };
+            let detection = NewDetection { frame: &frame.id, category, bounding_box, ..Default::default() };
             builder.add_detection(&detection).unwrap();
         }
     }

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use super::*;
 use crate::geometry::{BoundingBox, Ellipsoid, Projection};
 use crate::metrics::{DivisionScore, pairwise_clustering_scores, score_found};
-use crate::scene::{DetectionInput, SceneBuilder};
+use crate::scene::{NewDetection, SceneBuilder};
 use crate::synthetic::{
     Detector, Noise, Observations, SyntheticIds, SyntheticOptions, SyntheticScene, Trajectory, generate,
 };
@@ -327,7 +327,7 @@ fn scene_of(views: usize, boxes: impl Fn(usize) -> Vec<[f64; 4]>) -> Scene {
         builder.add_frame(&frame.id, frame.projection, frame.image_size.map(Into::into)).unwrap();
         for edges in boxes(index) {
             let bounding_box = Some(BoundingBox::new(edges).unwrap());
-            builder.add_detection(&DetectionInput { frame: &frame.id, bounding_box, ..Default::default() }).unwrap();
+            builder.add_detection(&NewDetection { frame: &frame.id, bounding_box, ..Default::default() }).unwrap();
         }
     }
     builder.build()

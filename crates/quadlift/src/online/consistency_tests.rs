@@ -1,9 +1,9 @@
 //! What contradicts itself is told once, and what does not is never told.
 
-use super::super::{Detection, Event, Frame, FrameUpdate, ObjectMap, OnlineOptions, PoseUpdate};
+use super::super::{Event, Frame, FrameUpdate, ObjectMap, OnlineOptions, PoseUpdate};
 use crate::association::IdUse;
 use crate::diagnosis::{CauseName, Correction, Mistake};
-use crate::scene::Scene;
+use crate::scene::{NewDetection, Scene};
 use crate::synthetic::{Detector, Noise, Observations, SyntheticIds, SyntheticOptions, Trajectory, generate};
 
 fn scene(seed: u64, views: usize, ids: SyntheticIds, trajectory: Trajectory) -> Scene {
@@ -25,14 +25,15 @@ fn scene(seed: u64, views: usize, ids: SyntheticIds, trajectory: Trajectory) -> 
 fn observe(map: &mut ObjectMap, scene: &Scene, frames: std::ops::Range<usize>) -> Vec<FrameUpdate> {
     let of_frame = |k: usize| {
         let found = scene.detections.iter().filter(move |d| d.frame_index as usize == k);
-        let detection = |d: &crate::scene::Detection| Detection {
-            id: d.object_index.map(|o| scene.object_ids[o as usize].as_str()),
-            ..Detection::from_box(d.bounding_box.unwrap())
+        let detection = |d: &crate::scene::Detection| NewDetection {
+            object: d.object_index.map(|o| scene.object_ids[o as usize].as_str()),
+            ..NewDetection::from_box(d.bounding_box.unwrap())
         };
         found.map(detection).collect::<Vec<_>>()
     };
-    let mut updates: Vec<FrameUpdate> =
-        frames.map(|k| map.observe(&Frame::of_scene(&scene.frames[k], k as f64), &of_frame(k)).unwrap()).collect();
+    let mut updates: Vec<FrameUpdate> = frames
+        .map(|k| map.observe(&Frame::of_scene(scene, &scene.frames[k], k as f64), &of_frame(k)).unwrap())
+        .collect();
     updates.push(map.settle());
     map.to_state().assert_sound();
     updates

@@ -1,9 +1,9 @@
 //! Depths and 3D boxes in the map: kept with the views, stored, used by the estimates, checked.
 
-use nalgebra::Point3;
+use nalgebra::{Matrix3, Point3, Rotation3};
 
 use super::*;
-use crate::scene::{Box3dCue, CueError, Cues, DepthCue, Scene};
+use crate::scene::{Box3dCue, CueError, Cues, DepthCue, NewDetection, Scene};
 use crate::synthetic::{
     Box3dNoise, CueOptions, DepthNoise, Noise, Observations, ShapeOptions, SyntheticIds, SyntheticOptions,
     SyntheticScene, Trajectory, generate, simulate_cues, simulate_shapes,
@@ -30,15 +30,12 @@ fn with_cues() -> (SyntheticScene, Scene) {
     (made, scene)
 }
 
-fn detections(scene: &Scene, frame: usize) -> Vec<Detection<'_>> {
+fn detections(scene: &Scene, frame: usize) -> Vec<NewDetection<'_>> {
     let of_frame = scene.detections.iter().filter(|d| d.frame_index as usize == frame);
-    let detection = |d: &'_ crate::scene::Detection| d.bounding_box.unwrap();
     of_frame
-        .map(|d| Detection {
-            cues: d.cues.as_deref(),
-            cue_sources: &scene.cue_sources,
-            scaled_by_frame: Some(&scene.scaled_by_frame),
-            ..Detection::from_box(detection(d))
+        .map(|d| NewDetection {
+            cues: d.cues.as_deref().copied().unwrap_or_default(),
+            ..NewDetection::from_box(d.bounding_box.unwrap())
         })
         .collect()
 }
@@ -46,7 +43,7 @@ fn detections(scene: &Scene, frame: usize) -> Vec<Detection<'_>> {
 fn map_of(scene: &Scene) -> ObjectMap {
     let mut map = ObjectMap::new(OnlineOptions::default()).unwrap();
     for k in 0..scene.frames.len() {
-        map.observe(&Frame::of_scene(&scene.frames[k], k as f64), &detections(scene, k)).unwrap();
+        map.observe(&Frame::of_scene(scene, &scene.frames[k], k as f64), &detections(scene, k)).unwrap();
     }
     map
 }
@@ -96,7 +93,7 @@ fn scales_of_frames_are_those_of_the_map() {
 
 #[test]
 fn outlines_and_turned_boxes_give_the_lines_of_a_scene() {
-    use crate::scene::{DetectionInput, SceneBuilder, Shape};
+    use crate::scene::SceneBuilder;
     let (made, scene) = with_cues();
     let options = ShapeOptions { outline: Some(0.03), oriented_box: Some(Default::default()) };
     let body_of = |index: usize, _: &crate::scene::Detection| Some(made.truth[made.true_objects[index]?].1);
@@ -113,19 +110,11 @@ fn outlines_and_turned_boxes_give_the_lines_of_a_scene() {
             let outline = shapes[index].outline.as_deref().filter(|_| index % 3 != 0);
             let oriented_box = shapes[index].oriented_box.filter(|_| index % 3 == 0);
             let bounding_box = d.bounding_box.filter(|_| index % 3 == 1);
-            let input = DetectionInput { frame: &frame.id, bounding_box, outline, oriented_box, ..Default::default() };
+            let input = NewDetection { frame: &frame.id, bounding_box, outline, oriented_box, ..Default::default() };
             builder.add_detection(&input).unwrap();
-            let around = outline.map(|c| {
-                c.iter().fold([f64::MAX, f64::MAX, f64::MIN, f64::MIN], |e, c| {
-                    [e[0].min(c[0]), e[1].min(c[1]), e[2].max(c[0]), e[3].max(c[1])]
-                })
-            });
-            let around = around.map(|edges| crate::geometry::BoundingBox::new(edges).unwrap());
-            let around = bounding_box.or(around).or_else(|| oriented_box?.bounding_box()).unwrap();
-            let shape = Shape { outline, oriented_box, hidden_lines: None };
-            found.push(Detection { shape, has_box: bounding_box.is_some(), ..Detection::from_box(around) });
+            found.push(input);
         }
-        map.observe(&Frame::of_scene(frame, k as f64), &found).unwrap();
+        map.observe(&Frame::of_scene(&scene, frame, k as f64), &found).unwrap();
     }
     let expected = builder.build();
     let again = ObjectMap::from_state(OnlineOptions::default(), map.to_state()).unwrap();
@@ -147,17 +136,19 @@ fn outlines_and_turned_boxes_give_the_lines_of_a_scene() {
             assert_eq!(a.end, b.end);
         }
         let shape = shape.as_ref().unwrap();
-        assert!(shape.outline.as_ref().is_none_or(|corners| (3..=16).contains(&corners.len())));
-        turned += usize::from(shape.oriented_box.is_some());
-        boxed += usize::from(shape.has_box);
+        assert!(shape.outline().is_none_or(|corners| (3..=16).contains(&corners.len())));
+        turned += usize::from(shape.oriented_box().is_some());
+        boxed += usize::from(shape.has_box());
     }
     assert!(turned > 20 && boxed > 20, "{turned} {boxed}");
     let flat = [[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]];
-    let frame = Frame { id: "flat".to_owned(), ..Frame::of_scene(&scene.frames[0], 99.0) };
-    let good = detections(&scene, 0)[0];
-    let wrong = Detection { shape: Shape { outline: Some(&flat), ..Default::default() }, ..good };
+    let frame = Frame { id: "flat".to_owned(), ..Frame::of_scene(&scene, &scene.frames[0], 99.0) };
+    let good = NewDetection { cues: Cues::default(), ..detections(&scene, 0)[0] };
+    let wrong = NewDetection { outline: Some(&flat), ..good };
     let error = map.observe(&frame, &[good, wrong]).unwrap_err();
     assert!(matches!(error, ObserveError::Outline { detection: 1, .. }), "{error}");
+    let error = map.observe(&frame, &[good, NewDetection { bounding_box: None, ..good }]).unwrap_err();
+    assert!(matches!(error, ObserveError::NoBox { detection: 1, .. }), "{error}");
 }
 
 #[test]
@@ -200,29 +191,55 @@ fn cues_out_of_range_are_refused_and_change_nothing() {
     let (_, scene) = with_cues();
     let mut map = ObjectMap::new(OnlineOptions::default()).unwrap();
     let good = detections(&scene, 0);
-    let frame = Frame::of_scene(&scene.frames[0], 0.0);
+    let good_frame = Frame::of_scene(&scene, &scene.frames[0], 0.0);
+    let with = |cue_sources: &[String]| Frame { cue_sources: cue_sources.to_vec(), ..good_frame.clone() };
     let before = map.to_state();
-    let refused = |map: &mut ObjectMap, cues: &Cues, cue_sources: &[String]| {
-        map.observe(&frame, &[good[0], Detection { cues: Some(cues), cue_sources, ..good[1] }]).unwrap_err()
+    let alone = NewDetection { cues: Cues::default(), ..good[0] };
+    let refused = |map: &mut ObjectMap, cues: Cues, cue_sources: &[String]| {
+        map.observe(&with(cue_sources), &[alone, NewDetection { cues, ..good[1] }]).unwrap_err()
     };
     let depth = |median, source| Cues { depth: Some(DepthCue { median, sd: None, source }), box3d: None };
-    let error = refused(&mut map, &depth(-1.0, None), &[]);
+    let error = refused(&mut map, depth(-1.0, None), &[]);
     assert!(matches!(error, ObserveError::Cue { detection: 1, error: CueError::Depth(_), .. }), "{error}");
     assert!(error.to_string().contains("the depth is -1"), "{error}");
     let behind = Box3dCue { center: Some(Point3::new(0.0, 0.0, -1.0)), ..Default::default() };
-    let error = refused(&mut map, &Cues { depth: None, box3d: Some(behind) }, &[]);
+    let error = refused(&mut map, Cues { depth: None, box3d: Some(behind) }, &[]);
     assert!(matches!(error, ObserveError::Cue { error: CueError::BehindCamera(_), .. }), "{error}");
-    let error = refused(&mut map, &depth(1.0, Some(1)), &["net".to_owned()]);
+    let error = refused(&mut map, depth(1.0, Some(1)), &["net".to_owned()]);
     assert!(matches!(error, ObserveError::CueSource { source_index: 1, count: 1, .. }), "{error}");
     let names: Vec<String> = (0..=MAX_CUE_SOURCES).map(|k| k.to_string()).collect();
-    let cues: Vec<Cues> = (0..names.len()).map(|k| depth(1.0, Some(k as u32))).collect();
-    let many: Vec<Detection> =
-        cues.iter().map(|cues| Detection { cues: Some(cues), cue_sources: &names, ..good[0] }).collect();
-    assert!(matches!(map.observe(&frame, &many), Err(ObserveError::TooManyCueSources { .. })));
+    let many: Vec<NewDetection> =
+        (0..names.len()).map(|k| NewDetection { cues: depth(1.0, Some(k as u32)), ..good[0] }).collect();
+    assert!(matches!(map.observe(&with(&names), &many), Err(ObserveError::TooManyCueSources { .. })));
     assert_eq!(map.to_state(), before);
     // Those of another list of names are known by their names.
-    let names = ["other".to_owned(), "depth".to_owned()];
-    let cues = depth(1.0, Some(1));
-    map.observe(&frame, &[good[0], Detection { cues: Some(&cues), cue_sources: &names, ..good[1] }]).unwrap();
+    map.observe(&good_frame, &good).unwrap();
+    let again = Frame { id: "again".to_owned(), time: 1.0, ..with(&["other".to_owned(), "depth".to_owned()]) };
+    map.observe(&again, &[alone, NewDetection { cues: depth(1.0, Some(1)), ..good[1] }]).unwrap();
     assert_eq!(map.cue_sources, ["depth", "box3d"]);
+}
+
+#[test]
+fn states_with_wrong_cues_are_damaged() {
+    let (_, scene) = with_cues();
+    let mut map = map_of(&scene);
+    let state_of = |map: &ObjectMap| ObjectMap::from_state(OnlineOptions::default(), map.to_state());
+    assert!(state_of(&map).is_ok());
+    let cues_of = |map: &ObjectMap| map.tracked().find_map(|object| object.views[0].cues.as_deref().copied()).unwrap();
+    let (good, negative) = (cues_of(&map), Some(Point3::new(0.0, 0.0, -1.0)));
+    type Change<'a> = &'a dyn Fn(&mut DepthCue, &mut Box3dCue);
+    let wrong: [Change; 5] = [
+        &|depth, _| depth.median = f64::NAN,
+        &|depth, _| depth.source = Some(2),
+        &|_, box3d| box3d.rotation = Some(Rotation3::from_matrix_unchecked(Matrix3::repeat(0.5))),
+        &|_, box3d| box3d.center = negative,
+        &|_, box3d| box3d.sd.distance = Some(0.0),
+    ];
+    for change in wrong {
+        let (mut depth, mut box3d) = (good.depth.unwrap(), good.box3d.unwrap());
+        change(&mut depth, &mut box3d);
+        let cues = Some(Box::new(Cues { depth: Some(depth), box3d: Some(box3d) }));
+        map.slots.iter_mut().flatten().next().unwrap().views[0].cues = cues;
+        assert!(matches!(state_of(&map), Err(StateError::Damaged(_))));
+    }
 }

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use nalgebra::Vector2;
 
-use crate::geometry::{BoundingBox, Camera, Projection};
-use crate::scene::{self, CueError, Cues, OutlineError, Shape};
+use crate::geometry::{Camera, Projection};
+use crate::scene::{self, CueError, OutlineError, Scene};
 use crate::solve::PoseNoise;
 
 /// A posed image at an instant.
@@ -23,18 +23,35 @@ pub struct Frame {
     pub lens: Option<Camera>,
     /// Standard deviations of the pose, where known.
     pub pose_noise: Option<PoseNoise>,
+    /// Names of the sources of the cues of its detections, by their indices.
+    pub cue_sources: Vec<String>,
+    /// Sources whose depths have another scale in each frame, as indices; see [`scene::SceneParts::scaled_by_frame`].
+    pub scaled_by_frame: BTreeSet<u32>,
 }
 
 impl Frame {
-    /// A frame of a scene with a time.
-    pub fn of_scene(frame: &scene::Frame, time: f64) -> Self {
+    /// A frame without what need not be known.
+    pub fn new(id: String, time: f64, projection: Projection) -> Self {
         Self {
-            id: frame.id.clone(),
+            id,
             time,
-            projection: frame.projection,
+            projection,
+            image_size: None,
+            lens: None,
+            pose_noise: None,
+            cue_sources: Vec::new(),
+            scaled_by_frame: BTreeSet::new(),
+        }
+    }
+
+    /// A frame of a scene with a time.
+    pub fn of_scene(scene: &Scene, frame: &scene::Frame, time: f64) -> Self {
+        Self {
             image_size: frame.image_size,
             lens: frame.lens,
-            pose_noise: None,
+            cue_sources: scene.cue_sources.clone(),
+            scaled_by_frame: scene.scaled_by_frame.clone(),
+            ..Self::new(frame.id.clone(), time, frame.projection)
         }
     }
 
@@ -42,47 +59,6 @@ impl Frame {
     pub(super) fn to_scene(&self) -> scene::Frame {
         let Self { projection, image_size, lens, .. } = *self;
         scene::Frame { id: self.id.clone(), projection, image_size, lens, rig: None }
-    }
-}
-
-/// A detection in a frame.
-#[derive(Debug, Clone, Copy)]
-pub struct Detection<'a> {
-    /// The box in the image, with lens distortion, pixels; without one that around outline or turned box.
-    pub bounding_box: BoundingBox,
-    /// Whether the box was measured.
-    pub has_box: bool,
-    /// Outline or turned box. They are kept for [`super::ObjectMap::to_scene`]; the map does not use them. Which lines are hidden is
-    /// computed from the outlines of the frame.
-    pub shape: Shape<'a>,
-    /// Category.
-    pub category: Option<&'a str>,
-    /// Score of the detector, in [0, 1] by custom.
-    pub score: Option<f64>,
-    /// Object id, for example of a tracker.
-    pub id: Option<&'a str>,
-    /// Depth and 3D box, in the frame of the camera. They are kept for [`super::ObjectMap::to_scene`]; the map does not use them.
-    pub cues: Option<&'a Cues>,
-    /// Names of the sources of `cues`, by their indices.
-    pub cue_sources: &'a [String],
-    /// Sources whose depths have another scale in each frame, as indices; see [`scene::SceneParts::scaled_by_frame`].
-    pub scaled_by_frame: Option<&'a BTreeSet<u32>>,
-}
-
-impl Detection<'_> {
-    /// A detection with a box only.
-    pub fn from_box(bounding_box: BoundingBox) -> Self {
-        Self {
-            bounding_box,
-            has_box: true,
-            shape: Shape::default(),
-            category: None,
-            score: None,
-            id: None,
-            cues: None,
-            cue_sources: &[],
-            scaled_by_frame: None,
-        }
     }
 }
 
@@ -128,6 +104,14 @@ pub enum ObserveError {
         id: String,
         /// Number of its detections.
         count: usize,
+    },
+    /// A detection without a box, an ellipse, an outline or a turned box.
+    #[error("detection {detection} of frame {id:?} has neither a box nor an ellipse nor an outline")]
+    NoBox {
+        /// Id of the frame.
+        id: String,
+        /// Index of the detection.
+        detection: usize,
     },
     /// Too many categories.
     #[error("frame {id:?} brings the map to {count} categories; expected {} at most", super::MAX_CATEGORIES)]

@@ -3,10 +3,10 @@
 use crate::geometry::OrientedBox;
 use crate::scene::{self, Outlines, Shape, check_outline, extreme_corners};
 
-/// Outline or turned box of a view, in the image as it is.
+/// Outline or turned box of a kept view, in the image as it is, in single precision.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct KeptShape {
+pub struct MapShape {
     /// The corners of the outline that its supporting lines touch; none of a turned box.
     corners: Vec<[f32; 2]>,
     /// Center, size and angle of a turned box.
@@ -17,18 +17,7 @@ pub(super) struct KeptShape {
     has_box: bool,
 }
 
-/// Outline and turned box of a detection of [`super::ObjectMap::to_scene`], in the image as it is.
-#[derive(Debug, Clone, PartialEq)]
-pub struct MapShape {
-    /// The corners of the outline that its supporting lines touch.
-    pub outline: Option<Vec<[f64; 2]>>,
-    /// The turned box.
-    pub oriented_box: Option<OrientedBox>,
-    /// Whether a box was measured, too.
-    pub has_box: bool,
-}
-
-impl KeptShape {
+impl MapShape {
     /// The shape of a detection in a frame whose lines are known; `None` without a shape.
     pub(super) fn of(shape: &Shape, frame: &scene::Frame, hidden: u8, has_box: bool) -> Option<Self> {
         let rounded = |[x, y]: [f64; 2]| [x as f32, y as f32];
@@ -48,21 +37,27 @@ impl KeptShape {
         kept.is_valid().then_some(kept)
     }
 
-    /// The shape as a scene has it.
-    pub(super) fn to_shape(&self) -> MapShape {
-        let corners: Vec<[f64; 2]> = self.corners.iter().map(|corner| corner.map(f64::from)).collect();
-        let oriented_box = self.oriented_box.and_then(|numbers| {
-            let [x, y, width, height, angle] = numbers.map(f64::from);
-            OrientedBox::new([x, y].into(), [width, height].into(), angle).ok()
-        });
-        MapShape { outline: (!corners.is_empty()).then_some(corners), oriented_box, has_box: self.has_box }
+    /// The corners of the outline that its supporting lines touch.
+    pub fn outline(&self) -> Option<Vec<[f64; 2]>> {
+        (!self.corners.is_empty()).then(|| self.corners.iter().map(|corner| corner.map(f64::from)).collect())
+    }
+
+    /// The turned box.
+    pub fn oriented_box(&self) -> Option<OrientedBox> {
+        let [x, y, width, height, angle] = self.oriented_box?.map(f64::from);
+        OrientedBox::new([x, y].into(), [width, height].into(), angle).ok()
+    }
+
+    /// Whether a box was measured, too.
+    pub fn has_box(&self) -> bool {
+        self.has_box
     }
 
     /// Gives a detection, whose box is known, the supporting lines.
     pub(super) fn add_to(&self, detection: &mut scene::Detection, frame: &scene::Frame) {
-        let MapShape { outline, oriented_box, has_box } = self.to_shape();
+        let (outline, has_box) = (self.outline(), self.has_box);
         let hidden_lines = Some(std::array::from_fn(|k| self.hidden & (1 << k) != 0));
-        let shape = Shape { outline: outline.as_deref(), oriented_box, hidden_lines };
+        let shape = Shape { outline: outline.as_deref(), oriented_box: self.oriented_box(), hidden_lines };
         // The box around an outline is no measurement beside it.
         let around = detection.bounding_box.filter(|_| !has_box);
         let in_image = detection.box_in_image;
@@ -78,10 +73,9 @@ impl KeptShape {
 
     /// Whether all numbers are in their ranges.
     pub(super) fn is_valid(&self) -> bool {
-        let MapShape { outline, oriented_box, .. } = self.to_shape();
-        match outline {
+        match self.outline() {
             Some(corners) => self.oriented_box.is_none() && check_outline(&corners).is_ok(),
-            None => oriented_box.is_some(),
+            None => self.oriented_box().is_some(),
         }
     }
 }

@@ -5,7 +5,8 @@ use nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
 use super::*;
 use crate::association::score::object::Prediction;
 use crate::geometry::{BoundingBox, Ellipsoid, Projection, project_bounding_box};
-use crate::online::{Detection, Frame, OnlineOptions};
+use crate::online::{Frame, OnlineOptions};
+use crate::scene::NewDetection;
 
 /// A camera at `x` that looks along the world's z axis.
 fn projection(x: f64) -> Projection {
@@ -15,14 +16,8 @@ fn projection(x: f64) -> Projection {
 
 /// Frame `k` of a walk to and fro.
 fn frame(k: u32) -> Frame {
-    Frame {
-        id: format!("{k}"),
-        time: f64::from(k),
-        projection: projection(x_of(k)),
-        image_size: Some([640.0, 480.0].into()),
-        lens: None,
-        pose_noise: None,
-    }
+    let image_size = Some([640.0, 480.0].into());
+    Frame { image_size, ..Frame::new(format!("{k}"), f64::from(k), projection(x_of(k))) }
 }
 
 fn x_of(k: u32) -> f64 {
@@ -40,7 +35,7 @@ fn box_of(k: u32, ball: &Ellipsoid) -> BoundingBox {
 }
 
 fn observe(map: &mut ObjectMap, k: u32, boxes: &[BoundingBox]) -> FrameUpdate {
-    let detections: Vec<Detection> = boxes.iter().map(|b| Detection::from_box(*b)).collect();
+    let detections: Vec<NewDetection> = boxes.iter().map(|b| NewDetection::from_box(*b)).collect();
     map.observe(&frame(k), &detections).unwrap()
 }
 

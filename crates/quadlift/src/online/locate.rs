@@ -62,7 +62,8 @@ impl ObjectMap {
 mod tests {
     use super::*;
     use crate::locate::QueryBox;
-    use crate::online::{Detection, Frame, OnlineOptions};
+    use crate::online::{Frame, OnlineOptions};
+    use crate::scene::NewDetection;
     use crate::synthetic::{Noise, Observations, SyntheticOptions, generate};
 
     #[test]
@@ -83,8 +84,8 @@ mod tests {
             of_frame.filter_map(|d| d.bounding_box).collect::<Vec<_>>()
         };
         for (index, frame) in scene.frames.iter().enumerate().filter(|(index, _)| *index != left_out) {
-            let detections: Vec<Detection> = boxes(index).into_iter().map(Detection::from_box).collect();
-            map.observe(&Frame::of_scene(frame, index as f64), &detections).unwrap();
+            let detections: Vec<NewDetection> = boxes(index).into_iter().map(NewDetection::from_box).collect();
+            map.observe(&Frame::of_scene(&scene, frame, index as f64), &detections).unwrap();
         }
         let frame = &scene.frames[left_out];
         let boxes = boxes(left_out).into_iter();

@@ -41,23 +41,18 @@ const RANGE_MARGIN: f64 = 1.2 * 1.3;
 /// ```
 /// use nalgebra::Matrix3x4;
 /// use quadlift::geometry::{BoundingBox, Projection};
-/// use quadlift::online::{Detection, Frame, ObjectMap, OnlineOptions};
+/// use quadlift::online::{Frame, ObjectMap, OnlineOptions};
+/// use quadlift::scene::NewDetection;
 ///
 /// let mut map = ObjectMap::new(OnlineOptions::default())?;
 /// // A camera moves to the right, 5 m before a cup.
 /// for k in 0..12 {
 ///     let x = -1.5 + 0.25 * f64::from(k);
 ///     let p = Matrix3x4::new(500.0, 0.0, 320.0, -500.0 * x, 0.0, 500.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0);
-///     let frame = Frame {
-///         id: format!("{k}.jpg"),
-///         time: f64::from(k) / 10.0,
-///         projection: Projection::from_matrix(p)?,
-///         image_size: Some([640.0, 480.0].into()),
-///         lens: None,
-///         pose_noise: None,
-///     };
+///     let mut frame = Frame::new(format!("{k}.jpg"), f64::from(k) / 10.0, Projection::from_matrix(p)?);
+///     frame.image_size = Some([640.0, 480.0].into());
 ///     let u = 320.0 - 100.0 * x;
-///     let detection = Detection::from_box(BoundingBox::new([u - 50.0, 190.0, u + 50.0, 290.0])?);
+///     let detection = NewDetection::from_box(BoundingBox::new([u - 50.0, 190.0, u + 50.0, 290.0])?);
 ///     let update = map.observe(&frame, &[detection])?;
 ///     println!("{}: {:?} {:?}", frame.id, update.objects, update.events);
 /// }

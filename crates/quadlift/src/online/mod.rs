@@ -22,7 +22,6 @@
 //! Nothing is random, and the only clock is the times of the frames: the same frames give the same map.
 
 mod input;
-mod kept_cues;
 mod kept_shape;
 mod keyframes;
 mod names;
@@ -56,7 +55,7 @@ mod cue_tests;
 #[cfg(test)]
 mod tests;
 
-pub use input::{Detection, Frame, ObserveError};
+pub use input::{Frame, ObserveError};
 pub use kept_shape::MapShape;
 pub use locate::LocatedInMap;
 pub use map::{MapObject, ObjectMap};

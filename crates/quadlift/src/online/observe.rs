@@ -6,9 +6,8 @@ use nalgebra::Vector2;
 
 use super::consistency::left_out;
 use super::current::Current;
-use super::input::{Detection, Frame, ObserveError};
-use super::kept_cues::KeptCues;
-use super::kept_shape::{KeptShape, line_bits};
+use super::input::{Frame, ObserveError};
+use super::kept_shape::{MapShape, line_bits};
 use super::keyframes::Keyframe;
 use super::map::ObjectMap;
 use super::update::{Event, FrameUpdate};
@@ -17,8 +16,8 @@ use super::{MAX_CATEGORIES, MAX_CUE_SOURCES, MAX_DETECTIONS};
 use crate::association::IdUse;
 use crate::association::input::clutter::set_clutter;
 use crate::association::input::context::given_size;
-use crate::geometry::BoundingBox;
-use crate::scene::{self, BORDER_TOLERANCE_PX, Outlines, check_outline, edges_at_border};
+use crate::geometry::{BoundingBox, quaternion_from_rotation, rotation_from_quaternion};
+use crate::scene::{self, BORDER_TOLERANCE_PX, NewDetection, Outlines, check_outline, edges_at_border};
 
 /// Number of consecutive contradicting frames after which they are used: the world has changed.
 const BELIEVED_AFTER: u32 = 10;
@@ -30,7 +29,7 @@ impl ObjectMap {
     ///
     /// # Errors
     /// [`ObserveError`] says why the frame was refused; the map is unchanged.
-    pub fn observe(&mut self, frame: &Frame, detections: &[Detection]) -> Result<FrameUpdate, ObserveError> {
+    pub fn observe(&mut self, frame: &Frame, detections: &[NewDetection]) -> Result<FrameUpdate, ObserveError> {
         self.check(frame, detections)?;
         let mut update = FrameUpdate { objects: vec![None; detections.len()], events: Vec::new() };
         let place = self.same_place(frame);
@@ -71,7 +70,7 @@ impl ObjectMap {
         Ok(update)
     }
 
-    fn check(&self, frame: &Frame, detections: &[Detection]) -> Result<(), ObserveError> {
+    fn check(&self, frame: &Frame, detections: &[NewDetection]) -> Result<(), ObserveError> {
         let id = || frame.id.clone();
         if !frame.time.is_finite() {
             return Err(ObserveError::Time(id()));
@@ -98,8 +97,7 @@ impl ObjectMap {
             return Err(ObserveError::TooManyDetections { id: id(), count: detections.len() });
         }
         self.check_categories(frame, detections)?;
-        check_cues(frame, detections)?;
-        check_outlines(frame, detections)?;
+        detections.iter().enumerate().try_for_each(|(index, detection)| check_detection(frame, index, detection))?;
         self.check_cue_sources(frame, detections)?;
         match detections.iter().position(|d| d.score.is_some_and(|score| !score.is_finite())) {
             Some(detection) => Err(ObserveError::Score { id: id(), detection }),
@@ -107,7 +105,7 @@ impl ObjectMap {
         }
     }
 
-    fn check_categories(&self, frame: &Frame, detections: &[Detection]) -> Result<(), ObserveError> {
+    fn check_categories(&self, frame: &Frame, detections: &[NewDetection]) -> Result<(), ObserveError> {
         let is_new = |name: &&str| self.categories.find(Some(name)).is_none();
         let new: BTreeSet<&str> = detections.iter().filter_map(|d| d.category).filter(is_new).collect();
         // One more for detections without a category.
@@ -118,8 +116,9 @@ impl ObjectMap {
         Ok(())
     }
 
-    fn check_cue_sources(&self, frame: &Frame, detections: &[Detection]) -> Result<(), ObserveError> {
-        let names = detections.iter().flat_map(|d| sources_of(d).filter_map(|index| d.cue_sources.get(index as usize)));
+    fn check_cue_sources(&self, frame: &Frame, detections: &[NewDetection]) -> Result<(), ObserveError> {
+        let used = detections.iter().flat_map(|detection| detection.cues.sources());
+        let names = used.filter_map(|index| frame.cue_sources.get(index as usize));
         let new: BTreeSet<&String> = names.filter(|name| !self.cue_sources.contains(name)).collect();
         let count = self.cue_sources.len() + new.len();
         if count > MAX_CUE_SOURCES {
@@ -140,7 +139,7 @@ impl ObjectMap {
     }
 
     /// Counts the frame and prepares its boxes; those of a frame `is_repeated` from a place do not count.
-    fn take_in(&mut self, frame: &Frame, detections: &[Detection], is_repeated: bool) -> Current {
+    fn take_in(&mut self, frame: &Frame, detections: &[NewDetection], is_repeated: bool) -> Current {
         let key = self.next_key;
         self.next_key = self.next_key.saturating_add(1);
         if self.running.frames == 0 {
@@ -155,7 +154,8 @@ impl ObjectMap {
             if self.options.min_score.zip(detection.score).is_some_and(|(least, score)| score < least) {
                 continue;
             }
-            let in_image = detection.bounding_box;
+            // Checked to have one.
+            let Some(in_image) = detection.box_or_around() else { continue };
             let measured = match &frame.lens {
                 Some(lens) => lens.undistort_box(&in_image),
                 None => Some(in_image),
@@ -168,7 +168,7 @@ impl ObjectMap {
                 self.running.extent = [width.max(measured.x1()), height.max(measured.y1())];
             }
             let shape = shapes.get_mut(index).and_then(Option::take);
-            let view = self.view_of(key, index, detection, &measured, frame);
+            let view = self.view_of(key, index, detection, [&measured, &in_image], frame);
             if !is_repeated {
                 let observation = view.observation(0, &Vector2::zeros());
                 self.running.count_box(observation.log_half, observation.half_size, usize::from(view.category));
@@ -176,7 +176,8 @@ impl ObjectMap {
             views.push(KeptView { shape: shape.map(Box::new), ..view });
         }
         views.sort_by(|a, b| a.edges[0].total_cmp(&b.edges[0]).then(a.detection.cmp(&b.detection)));
-        let keyframe = Keyframe::new(frame.clone(), &self.origin, self.running.extent.into());
+        let kept = Frame { cue_sources: Vec::new(), scaled_by_frame: BTreeSet::new(), ..frame.clone() };
+        let keyframe = Keyframe::new(kept, &self.origin, self.running.extent.into());
         let mut camera = keyframe.camera.clone();
         camera.boxes = 0..views.len();
         self.keyframes.insert(key, keyframe);
@@ -186,7 +187,7 @@ impl ObjectMap {
         observations.boxes = views.iter().map(|view| view.observation(0, &Vector2::zeros())).collect();
         let input_ids: Vec<Option<u32>> = views
             .iter()
-            .map(|view| detections[usize::from(view.detection)].id.and_then(|id| self.input_id_number(id, key)))
+            .map(|view| detections[usize::from(view.detection)].object.and_then(|id| self.input_id_number(id, key)))
             .collect();
         for (observation, id) in observations.boxes.iter_mut().zip(&input_ids) {
             observation.id = *id;
@@ -205,21 +206,25 @@ impl ObjectMap {
         &mut self,
         key: u32,
         index: usize,
-        detection: &Detection,
-        measured: &BoundingBox,
+        detection: &NewDetection,
+        [measured, in_image]: [&BoundingBox; 2],
         frame: &Frame,
     ) -> KeptView {
         let category = self.category_index(detection.category);
-        let in_image = detection.bounding_box;
-        // Checked to have names.
-        let source_of = |index: u32| {
-            let source = self.cue_source(&detection.cue_sources[index as usize]);
-            if detection.scaled_by_frame.is_some_and(|sources| sources.contains(&index)) {
-                self.scaled_by_frame.insert(source);
+        let mut cues = detection.cues;
+        for source in cues.sources_mut() {
+            let is_scaled = frame.scaled_by_frame.contains(source);
+            // Checked to have a name.
+            *source = self.cue_source(&frame.cue_sources[*source as usize]);
+            if is_scaled {
+                self.scaled_by_frame.insert(*source);
             }
-            source
-        };
-        let cues = detection.cues.filter(|cues| !cues.is_empty()).map(|cues| Box::new(KeptCues::of(cues, source_of)));
+        }
+        if let Some(box3d) = &mut cues.box3d {
+            // As files of the map have it.
+            let wxyz = box3d.rotation.as_ref().map(quaternion_from_rotation);
+            box3d.rotation = wxyz.and_then(rotation_from_quaternion);
+        }
         KeptView {
             keyframe: key,
             // Checked to be less than MAX_DETECTIONS.
@@ -227,9 +232,9 @@ impl ObjectMap {
             edges: measured.edges().map(|edge| edge as f32),
             in_image: frame.lens.map(|_| Box::new(in_image.edges().map(|edge| edge as f32))),
             absorbed: None,
-            cues,
+            cues: (!cues.is_empty()).then(|| Box::new(cues)),
             shape: None,
-            cut: to_bits(edges_at_border(&in_image, frame.image_size, BORDER_TOLERANCE_PX)),
+            cut: to_bits(edges_at_border(in_image, frame.image_size, BORDER_TOLERANCE_PX)),
             hidden: 0,
             category,
             score: detection.score.map(|score| score as f32),
@@ -259,53 +264,40 @@ impl ObjectMap {
     }
 }
 
-/// Indices of the sources of a detection's depth and 3D box.
-fn sources_of(detection: &Detection) -> impl Iterator<Item = u32> {
-    let cues = detection.cues.copied().unwrap_or_default();
-    [cues.depth.and_then(|depth| depth.source), cues.box3d.and_then(|box3d| box3d.source)].into_iter().flatten()
-}
-
 /// What is kept of the outlines and turned boxes of a frame; empty if there are none.
-fn kept_shapes(frame: &Frame, detections: &[Detection]) -> Vec<Option<KeptShape>> {
-    if detections.iter().all(|d| d.shape.outline.is_none() && d.shape.oriented_box.is_none()) {
+fn kept_shapes(frame: &Frame, detections: &[NewDetection]) -> Vec<Option<MapShape>> {
+    if detections.iter().all(|d| d.outline.is_none() && d.oriented_box.is_none()) {
         return Vec::new();
     }
     let frame = frame.to_scene();
     let mut outlines = Outlines::default();
     let mut seen = vec![scene::Detection::default(); detections.len()];
     for (index, (detection, seen)) in detections.iter().zip(&mut seen).enumerate() {
-        let shape = scene::Shape { hidden_lines: None, ..detection.shape };
         // Checked already.
-        let _ = outlines.add(index, seen, detection.has_box, &frame, &shape);
+        let _ = outlines.add(index, seen, has_box(detection), &frame, &detection.shape());
     }
     outlines.hide(&mut seen);
-    let kept = |(detection, seen): (&Detection, &scene::Detection)| {
+    let kept = |(detection, seen): (&NewDetection, &scene::Detection)| {
         let hidden = line_bits(seen.support_lines.as_deref()?.lines().map(|line| line.end.hidden));
-        KeptShape::of(&detection.shape, &frame, hidden, detection.has_box)
+        MapShape::of(&detection.shape(), &frame, hidden, has_box(detection))
     };
     detections.iter().zip(&seen).map(kept).collect()
 }
 
-/// Checks outlines.
-fn check_outlines(frame: &Frame, detections: &[Detection]) -> Result<(), ObserveError> {
-    for (detection, found) in detections.iter().enumerate() {
-        let checked = found.shape.outline.map_or(Ok(()), check_outline);
-        checked.map_err(|error| ObserveError::Outline { id: frame.id.clone(), detection, error })?;
-    }
-    Ok(())
+/// Whether a box was measured, not only an outline or a turned box.
+fn has_box(detection: &NewDetection) -> bool {
+    detection.bounding_box.is_some() || detection.ellipse.is_some()
 }
 
-/// Checks depths and 3D boxes, and that their sources have names.
-fn check_cues(frame: &Frame, detections: &[Detection]) -> Result<(), ObserveError> {
-    for (index, detection) in detections.iter().enumerate() {
-        let id = || frame.id.clone();
-        if let Some(cues) = detection.cues {
-            cues.check().map_err(|error| ObserveError::Cue { id: id(), detection: index, error })?;
-        }
-        let count = detection.cue_sources.len();
-        if let Some(source_index) = sources_of(detection).find(|&source| source as usize >= count) {
-            return Err(ObserveError::CueSource { id: id(), detection: index, source_index, count });
-        }
+/// Checks that there is a box, an outline, depths and 3D boxes, and that their sources have names.
+fn check_detection(frame: &Frame, detection: usize, found: &NewDetection) -> Result<(), ObserveError> {
+    let id = || frame.id.clone();
+    found.cues.check().map_err(|error| ObserveError::Cue { id: id(), detection, error })?;
+    let count = frame.cue_sources.len();
+    if let Some(source_index) = found.cues.sources().find(|&source| source as usize >= count) {
+        return Err(ObserveError::CueSource { id: id(), detection, source_index, count });
     }
-    Ok(())
+    let checked = found.outline.map_or(Ok(()), check_outline);
+    checked.map_err(|error| ObserveError::Outline { id: id(), detection, error })?;
+    found.box_or_around().map(|_| ()).ok_or_else(|| ObserveError::NoBox { id: id(), detection })
 }

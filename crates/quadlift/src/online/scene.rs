@@ -23,9 +23,9 @@ impl ObjectMap {
     }
 
     /// Outlines and turned boxes of the detections of [`ObjectMap::to_scene`], in their order.
-    pub fn shapes_of_scene(&self) -> Vec<Option<MapShape>> {
+    pub fn shapes_of_scene(&self) -> Vec<Option<&MapShape>> {
         let (_, views) = self.scene_and_views(&|_, edges| edges);
-        views.into_iter().map(|view| view.shape.as_ref().map(|shape| shape.to_shape())).collect()
+        views.into_iter().map(|view| view.shape.as_deref()).collect()
     }
 
     fn scene_of(&self, edges_of: &dyn Fn(&KeptView, [f64; 4]) -> [f64; 4]) -> Scene {
@@ -72,7 +72,7 @@ impl ObjectMap {
                     bounding_box: bounds(view, view.edges),
                     // A mean error is as large in both images, up to the local scale of the lens.
                     box_in_image: view.in_image.as_ref().and_then(|edges| bounds(view, **edges)),
-                    cues: view.cues.as_ref().map(|cues| Box::new(cues.to_cues())),
+                    cues: view.cues.clone(),
                     ..Default::default()
                 };
                 if let (Some(shape), Some(frame)) = (&view.shape, parts.frames.get(detection.frame_index as usize)) {

@@ -5,11 +5,11 @@ use std::collections::HashMap;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::super::{Detection, Event, Frame, FrameUpdate, ObjectId, ObjectMap, OnlineOptions};
+use super::super::{Event, Frame, FrameUpdate, ObjectId, ObjectMap, OnlineOptions};
 use super::RecentFrame;
 use crate::geometry::BoundingBox;
 use crate::metrics::pairwise_clustering_scores;
-use crate::scene::Scene;
+use crate::scene::{NewDetection, Scene};
 use crate::synthetic::{Detector, Noise, Observations, SyntheticOptions, Trajectory, generate};
 
 const VIEWS: usize = 60;
@@ -34,7 +34,7 @@ fn street(seed: u64) -> Vec<(Frame, Vec<Seen>)> {
         let found = scene.detections.iter().filter(|d| d.frame_index as usize == k);
         let seen = found
             .map(|d| (d.bounding_box.unwrap(), d.object_index.map(|object| scene.object_ids[object as usize].clone())));
-        (Frame::of_scene(frame, k as f64), seen.collect())
+        (Frame::of_scene(&scene, frame, k as f64), seen.collect())
     };
     scene.frames.iter().enumerate().map(of_frame).collect()
 }
@@ -98,9 +98,12 @@ fn observe(frames: &[(Frame, Vec<Seen>)], with_ids: bool) -> Found {
         }
     };
     for (k, (frame, seen)) in frames.iter().enumerate() {
-        let detections: Vec<Detection> = seen
+        let detections: Vec<NewDetection> = seen
             .iter()
-            .map(|(bounds, id)| Detection { id: id.as_deref().filter(|_| with_ids), ..Detection::from_box(*bounds) })
+            .map(|(bounds, id)| NewDetection {
+                object: id.as_deref().filter(|_| with_ids),
+                ..NewDetection::from_box(*bounds)
+            })
             .collect();
         let update = map.observe(&Frame { time: k as f64, ..frame.clone() }, &detections).unwrap();
         take(&update, &frame.id);

@@ -18,7 +18,8 @@ use crate::association::AssociateError;
 use crate::association::score::input_ids::IdTally;
 use crate::association::score::object::Object;
 use crate::diagnosis::Diagnosis;
-use crate::geometry::{Camera, CameraModel, Projection};
+use crate::geometry::{Camera, CameraModel, Projection, rotation_defect};
+use crate::scene::Cues;
 use crate::solve::PoseNoise;
 
 /// The state of an [`ObjectMap`] without its options. The feature `serde` makes it serialisable; [`ObjectMap::from_state`]
@@ -55,7 +56,7 @@ pub struct MapState {
 }
 
 /// Version of the format that is written and read.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -217,7 +218,7 @@ impl MapState {
                 && view.edges.iter().all(|e| e.is_finite())
                 && view.absorbed.as_ref().is_none_or(|a| a.is_valid())
                 && view.shape.as_ref().is_none_or(|shape| shape.is_valid())
-                && view.cues.as_ref().is_none_or(|cues| cues.is_valid(self.cue_sources.len()))
+                && view.cues.as_ref().is_none_or(|cues| are_valid(cues, self.cue_sources.len()))
         };
         for frames in [&self.windows.frames, &self.windows.suspect] {
             hold(frames.windows(2).all(|w| w[0].key < w[1].key), "checked frames are not in order")?;
@@ -254,6 +255,15 @@ impl MapState {
     }
 }
 
+/// Whether all numbers of cues are in their ranges, in a map of so many sources.
+fn are_valid(cues: &Cues, sources: usize) -> bool {
+    let rotation = cues.box3d.and_then(|box3d| box3d.rotation);
+    cues.sources().all(|source| (source as usize) < sources)
+        // As of poses.
+        && rotation.is_none_or(|rotation| rotation_defect(rotation.matrix()) <= 1e-3)
+        && cues.check().is_ok()
+}
+
 impl KeyframeState {
     fn of(keyframe: &Keyframe) -> Self {
         let frame = &keyframe.frame;
@@ -283,12 +293,10 @@ impl KeyframeState {
         };
         let noise = |[rotation_sd, translation_sd]: [f64; 2]| PoseNoise { rotation_sd, translation_sd };
         let frame = Frame {
-            id: self.id,
-            time: self.time,
-            projection,
             image_size: self.image_size.map(Vector2::from),
             lens,
             pose_noise: self.pose_noise.map(noise),
+            ..Frame::new(self.id, self.time, projection)
         };
         let keyframe = Keyframe::new(frame, origin, Vector2::from(self.extent));
         Ok(Keyframe { shift: Vector2::from(self.shift), references: self.references, ..keyframe })

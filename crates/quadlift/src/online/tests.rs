@@ -5,7 +5,7 @@ use nalgebra::{Matrix3x4, Matrix4, Rotation3, Vector3};
 use super::*;
 use crate::association::IdUse;
 use crate::geometry::{BoundingBox, Projection};
-use crate::scene::Scene;
+use crate::scene::{NewDetection, Scene};
 use crate::solve::Status;
 use crate::synthetic::{
     Detector, Noise, Observations, SyntheticIds, SyntheticOptions, SyntheticScene, Trajectory, generate,
@@ -27,22 +27,22 @@ fn around(objects: usize, views: usize, ids: SyntheticIds) -> SyntheticScene {
     .unwrap()
 }
 
-fn detections(scene: &Scene, frame: usize) -> Vec<Detection<'_>> {
+fn detections(scene: &Scene, frame: usize) -> Vec<NewDetection<'_>> {
     let of_frame = scene.detections.iter().filter(|d| d.frame_index as usize == frame);
     of_frame
-        .map(|d| Detection {
+        .map(|d| NewDetection {
             category: d.category_index.map(|c| scene.categories[c as usize].as_str()),
             score: d.score,
-            id: d.object_index.map(|o| scene.object_ids[o as usize].as_str()),
-            cues: d.cues.as_deref(),
-            cue_sources: &scene.cue_sources,
-            ..Detection::from_box(d.bounding_box.unwrap())
+            object: d.object_index.map(|o| scene.object_ids[o as usize].as_str()),
+            ..NewDetection::from_box(d.bounding_box.unwrap())
         })
         .collect()
 }
 
 fn observe(map: &mut ObjectMap, scene: &Scene, frames: std::ops::Range<usize>) -> Vec<FrameUpdate> {
-    frames.map(|k| map.observe(&Frame::of_scene(&scene.frames[k], k as f64), &detections(scene, k)).unwrap()).collect()
+    frames
+        .map(|k| map.observe(&Frame::of_scene(scene, &scene.frames[k], k as f64), &detections(scene, k)).unwrap())
+        .collect()
 }
 
 fn map() -> ObjectMap {
@@ -223,7 +223,7 @@ fn objects_follow_their_frames_after_a_loop_closure_and_duplicates_are_merged() 
     let scene = &synthetic.scene;
     let mut map = map();
     for k in 0..80 {
-        let mut frame = Frame::of_scene(&scene.frames[k], k as f64);
+        let mut frame = Frame::of_scene(scene, &scene.frames[k], k as f64);
         // The world of the second half is turned by 8 degrees and shifted: everything comes up twice.
         if k >= 40 {
             frame.projection = moved_world(&frame.projection, 8f64.to_radians(), Vector3::new(30.0, 0.0, 0.0));
@@ -257,7 +257,10 @@ fn frames_that_make_no_sense_are_refused_and_change_nothing() {
     let mut map = map();
     observe(&mut map, &synthetic.scene, 0..20);
     let before = map.to_state();
-    let frame = |id: &str, time: f64| Frame { id: id.to_owned(), ..Frame::of_scene(&synthetic.scene.frames[20], time) };
+    let frame = |id: &str, time: f64| Frame {
+        id: id.to_owned(),
+        ..Frame::of_scene(&synthetic.scene, &synthetic.scene.frames[20], time)
+    };
     let known = synthetic.scene.frames[19].id.clone();
     let good = detections(&synthetic.scene, 20);
     assert_eq!(map.observe(&frame(&known, 20.0), &good), Err(ObserveError::DuplicateFrame(known)));
@@ -267,10 +270,10 @@ fn frames_that_make_no_sense_are_refused_and_change_nothing() {
     assert!(matches!(map.observe(&flat, &good), Err(ObserveError::ImageSize { .. })));
     let many = vec![good[0]; MAX_DETECTIONS + 1];
     assert!(matches!(map.observe(&frame("a", 20.0), &many), Err(ObserveError::TooManyDetections { .. })));
-    let scored = [Detection { score: Some(f64::INFINITY), ..good[0] }];
+    let scored = [NewDetection { score: Some(f64::INFINITY), ..good[0] }];
     assert!(matches!(map.observe(&frame("a", 20.0), &scored), Err(ObserveError::Score { detection: 0, .. })));
     let names: Vec<String> = (0..MAX_CATEGORIES).map(|k| k.to_string()).collect();
-    let categories: Vec<Detection> = names.iter().map(|n| Detection { category: Some(n), ..good[0] }).collect();
+    let categories: Vec<NewDetection> = names.iter().map(|n| NewDetection { category: Some(n), ..good[0] }).collect();
     assert!(matches!(map.observe(&frame("a", 20.0), &categories), Err(ObserveError::TooManyCategories { .. })));
     assert_eq!(map.to_state(), before);
     assert!(map.observe(&frame("a", 20.0), &good).is_ok());
@@ -283,7 +286,7 @@ fn a_pose_that_jumps_contradicts_the_map_and_does_not_spoil_it() {
     observe(&mut map, &synthetic.scene, 0..30);
     let objects: Vec<MapObject> = map.objects().collect();
     for k in 30..35 {
-        let mut frame = Frame::of_scene(&synthetic.scene.frames[k], k as f64);
+        let mut frame = Frame::of_scene(&synthetic.scene, &synthetic.scene.frames[k], k as f64);
         frame.projection = moved_world(&frame.projection, 0.35, Vector3::new(30.0, 0.0, 0.0));
         let update = map.observe(&frame, &detections(&synthetic.scene, k)).unwrap();
         assert!(matches!(update.events[..], [Event::Disagrees { expected }] if expected >= 3), "{:?}", update.events);
@@ -365,13 +368,14 @@ fn five_thousand_boxes_in_a_frame_take_a_bounded_time() {
     let mut map = map();
     observe(&mut map, &synthetic.scene, 0..10);
     for k in 10..12 {
-        let boxes: Vec<Detection> = (0..5000)
+        let boxes: Vec<NewDetection> = (0..5000)
             .map(|n| {
                 let (x, y) = (f64::from(n % 100) * 12.0, f64::from(n / 100) * 18.0);
-                Detection::from_box(BoundingBox::new([x, y, x + 20.0 + f64::from(n % 7), y + 25.0]).unwrap())
+                NewDetection::from_box(BoundingBox::new([x, y, x + 20.0 + f64::from(n % 7), y + 25.0]).unwrap())
             })
             .collect();
-        let update = map.observe(&Frame::of_scene(&synthetic.scene.frames[k], k as f64), &boxes).unwrap();
+        let update =
+            map.observe(&Frame::of_scene(&synthetic.scene, &synthetic.scene.frames[k], k as f64), &boxes).unwrap();
         assert!(update.events.iter().filter(|e| matches!(e, Event::New { .. })).count() <= 500);
     }
     observe(&mut map, &synthetic.scene, 12..20);

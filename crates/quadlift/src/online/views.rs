@@ -2,12 +2,12 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use super::kept_cues::KeptCues;
-use super::kept_shape::KeptShape;
+use super::kept_shape::MapShape;
 use super::keyframes::Keyframes;
 use super::update::{DetectionRef, ObjectId};
 use crate::association::input::observations::{BoxObservation, Camera, log_odds_against};
 use crate::geometry::BoundingBox;
+use crate::scene::Cues;
 
 /// A kept detection. A map has dozens per object, so it is small: edges have single precision, 1e-4 px.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,12 +22,12 @@ pub(super) struct KeptView {
     /// The forgotten views that it stands for.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub absorbed: Option<Box<Absorbed>>,
-    /// Depth and 3D box.
+    /// Depth and 3D box, with the sources of the map.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
-    pub cues: Option<Box<KeptCues>>,
+    pub cues: Option<Box<Cues>>,
     /// Outline or turned box.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
-    pub shape: Option<Box<KeptShape>>,
+    pub shape: Option<Box<MapShape>>,
     /// Score of the detector.
     pub score: Option<f32>,
     /// See [`BoxObservation::log_clutter`].

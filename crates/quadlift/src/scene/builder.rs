@@ -13,10 +13,11 @@ use super::parts::{Detection, Frame, RigCamera, SceneParts, Undistorted};
 use super::points::{PointObservation, TrackedPoint, check_points};
 use crate::geometry::{BoundingBox, CamFromWorld, Camera, Ellipse, OrientedBox, Projection};
 
-/// A detection as it is handed to [`SceneBuilder::add_detection`], by names.
+/// A detection by names, unchecked, measured in the image as it is: what [`SceneBuilder::add_detection`] and
+/// [`crate::online::ObjectMap::observe`] take.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct DetectionInput<'a> {
-    /// Id of the frame, which must have been added before.
+pub struct NewDetection<'a> {
+    /// Id of the frame, which must have been added before; an object map does not use it.
     pub frame: &'a str,
     /// Id of the object, if known.
     pub object: Option<&'a str>,
@@ -40,8 +41,26 @@ pub struct DetectionInput<'a> {
     pub occluded: Option<f64>,
     /// Truncation level.
     pub truncated: Option<f64>,
-    /// Depth and 3D box; their sources are indices that [`SceneBuilder::cue_source`] gives.
+    /// Depth and 3D box; their sources are indices that [`SceneBuilder::cue_source`] gives, or into [`crate::online::Frame::cue_sources`].
     pub cues: Cues,
+}
+
+impl NewDetection<'_> {
+    /// A detection with a box only.
+    pub fn from_box(bounding_box: BoundingBox) -> Self {
+        Self { bounding_box: Some(bounding_box), ..Self::default() }
+    }
+
+    /// Its outline and its turned box.
+    pub fn shape(&self) -> Shape<'_> {
+        Shape { outline: self.outline, oriented_box: self.oriented_box, hidden_lines: None }
+    }
+
+    /// The box; without one that around the ellipse, the outline or the turned box.
+    pub fn box_or_around(&self) -> Option<BoundingBox> {
+        let of_ellipse = || self.ellipse.as_ref().map(|ellipse| ellipse.bounding_box());
+        self.bounding_box.or_else(of_ellipse).or_else(|| self.shape().bounding_box())
+    }
 }
 
 /// Builds and validates a [`Scene`].
@@ -169,7 +188,7 @@ impl SceneBuilder {
     /// # Errors
     /// [`SceneError::UnknownFrame`], [`SceneError::NothingMeasured`], [`SceneError::Cue`],
     /// [`SceneError::DuplicateDetection`].
-    pub fn add_detection(&mut self, input: &DetectionInput) -> Result<usize, SceneError> {
+    pub fn add_detection(&mut self, input: &NewDetection) -> Result<usize, SceneError> {
         let index = self.scene.detections.len();
         let next = u32::try_from(index).map_err(|_| SceneError::TooLarge)?;
         let frame_index =
@@ -220,8 +239,7 @@ impl SceneBuilder {
             truncated: input.truncated,
             cues: (!input.cues.is_empty()).then(|| Box::new(input.cues)),
         };
-        let shape = Shape { outline: input.outline, oriented_box: input.oriented_box, hidden_lines: None };
-        self.outlines.add(index, &mut detection, input.bounding_box.is_some(), frame, &shape)?;
+        self.outlines.add(index, &mut detection, input.bounding_box.is_some(), frame, &input.shape())?;
         self.scene.detections.push(detection);
         Ok(index)
     }
@@ -289,8 +307,8 @@ mod tests {
         builder
     }
 
-    fn detection(frame: &str) -> DetectionInput<'_> {
-        DetectionInput {
+    fn detection(frame: &str) -> NewDetection<'_> {
+        NewDetection {
             frame,
             object: Some("cup"),
             bounding_box: Some(BoundingBox { x0: 0.0, y0: 0.0, x1: 1.0, y1: 1.0 }),
@@ -305,15 +323,15 @@ mod tests {
         assert_eq!(b.add_frame("a", projection, None), Err(SceneError::DuplicateFrame("a".into())));
         assert!(matches!(b.add_frame("b", projection, Some([0.0, 1.0])), Err(SceneError::ImageSize { .. })));
         assert_eq!(b.add_detection(&detection("z")), Err(SceneError::UnknownFrame("z".into())));
-        let nothing = DetectionInput { frame: "a", ..Default::default() };
+        let nothing = NewDetection { frame: "a", ..Default::default() };
         assert_eq!(b.add_detection(&nothing), Err(SceneError::NothingMeasured));
         b.add_detection(&detection("a")).unwrap();
         assert!(matches!(b.add_detection(&detection("a")), Err(SceneError::DuplicateDetection { first: 0, .. })));
-        let again = DetectionInput { category: Some("mug"), ..detection("a") };
+        let again = NewDetection { category: Some("mug"), ..detection("a") };
         assert!(matches!(b.add_detection(&again), Err(SceneError::DuplicateDetection { first: 0, .. })));
         assert_eq!(b.scene.categories.len(), 0, "a refused detection leaves no names behind");
         // Another source may see the same object in the same frame.
-        b.add_detection(&DetectionInput { source: Some("yolo"), ..detection("a") }).unwrap();
+        b.add_detection(&NewDetection { source: Some("yolo"), ..detection("a") }).unwrap();
         assert!(b.up([0.0; 3]).is_err());
         assert!(b.up([f64::INFINITY, 0.0, 0.0]).is_err());
         let scene = b.build();
@@ -331,7 +349,7 @@ mod tests {
         let beyond = BoundingBox { x0: 740.0, y0: 240.0, x1: 760.0, y1: 260.0 };
         for bounding_box in [middle, at_the_left, beyond] {
             let bounding_box = Some(bounding_box);
-            b.add_detection(&DetectionInput { frame: "a", bounding_box, ..Default::default() }).unwrap();
+            b.add_detection(&NewDetection { frame: "a", bounding_box, ..Default::default() }).unwrap();
         }
         let scene = b.build();
         let boxes: Vec<_> = scene.detections.iter().map(|d| d.bounding_box).collect();
@@ -347,7 +365,7 @@ mod tests {
         let mut b = SceneBuilder::new("test");
         let pinhole = Camera::new(CameraModel::SimplePinhole, &[300.0, 320.0, 240.0]).unwrap();
         b.add_frame_of_camera("a", &pinhole, &pose, None).unwrap();
-        b.add_detection(&DetectionInput { frame: "a", bounding_box: Some(middle), ..Default::default() }).unwrap();
+        b.add_detection(&NewDetection { frame: "a", bounding_box: Some(middle), ..Default::default() }).unwrap();
         let scene = b.build();
         assert_eq!((scene.detections[0].bounding_box, scene.detections[0].box_in_image), (Some(middle), None));
         assert!(scene.frames[0].lens.is_none());

@@ -5,6 +5,7 @@ use nalgebra::{Point3, Rotation3, Vector3};
 /// What a detection tells besides its box and its ellipse. Solved by [`crate::solve::Method::Map`] only; the other methods do not
 /// use it (docs/method.md, section 19).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Cues {
     /// How far the visible surface of the object is.
     pub depth: Option<DepthCue>,
@@ -14,6 +15,7 @@ pub struct Cues {
 
 /// How far the visible surface of an object is: from a depth image, a depth network, LiDAR or other points.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DepthCue {
     /// Median depth of the visible surface along the optical axis, world units.
     pub median: f64,
@@ -25,6 +27,7 @@ pub struct DepthCue {
 
 /// A 3D box of an object from one image, any part of it, in the frame of the camera: x to the right, y down, z forwards.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Box3dCue {
     /// Center in the frame of the camera, world units; in front of the camera.
     pub center: Option<Point3<f64>>,
@@ -41,6 +44,7 @@ pub struct Box3dCue {
 /// Standard deviations of the errors of a 3D box; those that are not given have the usual level. Without given noise levels only their
 /// ratios count where residuals contradict them.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Box3dSd {
     /// Of the center along the ray, relative to its distance; usually 0.1.
     pub distance: Option<f64>,
@@ -90,6 +94,18 @@ impl Cues {
     /// Whether there is a 3D box with a center, which says where the object is without a box in the image.
     pub(crate) fn have_center(&self) -> bool {
         self.box3d.is_some_and(|b| b.center.is_some())
+    }
+
+    /// Indices of their sources.
+    pub(crate) fn sources(&self) -> impl Iterator<Item = u32> + use<> {
+        let (depth, box3d) = (self.depth.and_then(|depth| depth.source), self.box3d.and_then(|box3d| box3d.source));
+        depth.into_iter().chain(box3d)
+    }
+
+    /// The same, to change them.
+    pub(crate) fn sources_mut(&mut self) -> impl Iterator<Item = &mut u32> {
+        let depth = self.depth.as_mut().and_then(|depth| depth.source.as_mut());
+        depth.into_iter().chain(self.box3d.as_mut().and_then(|box3d| box3d.source.as_mut()))
     }
 
     /// The same cues in a world whose lengths are `factor` times as large.

@@ -126,7 +126,7 @@ pub fn hidden_edges<F: Ord>(boxes: &[Option<(F, BoundingBox)>]) -> Vec<[bool; 4]
 
 #[cfg(test)]
 mod tests {
-    use super::super::{DetectionInput, SceneBuilder};
+    use super::super::{NewDetection, SceneBuilder};
     use super::*;
     use crate::geometry::Projection;
 
@@ -139,7 +139,7 @@ mod tests {
         }
         let mut add = |frame, edges| {
             let bounding_box = BoundingBox::new(edges).ok();
-            builder.add_detection(&DetectionInput { frame, bounding_box, ..Default::default() }).unwrap();
+            builder.add_detection(&NewDetection { frame, bounding_box, ..Default::default() }).unwrap();
         };
         add("a", [100.0, 50.0, 200.0, 100.0]); // far
         add("a", [180.0, 40.0, 300.0, 150.0]); // near, over the right edge of the first
@@ -179,7 +179,7 @@ mod tests {
             let seen = |b: &BoundingBox| turned(b, [2, 1, 0, 3][below]);
             for b in [&far, &near] {
                 let bounding_box = Some(seen(b));
-                builder.add_detection(&DetectionInput { frame: "a", bounding_box, ..Default::default() }).unwrap();
+                builder.add_detection(&NewDetection { frame: "a", bounding_box, ..Default::default() }).unwrap();
             }
             let mut scene = builder.build();
             scene.0.up = Some(up);

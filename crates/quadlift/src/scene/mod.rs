@@ -13,7 +13,7 @@ mod views;
 mod outlines;
 mod builder;
 
-pub use builder::{DetectionInput, SceneBuilder};
+pub use builder::{NewDetection, SceneBuilder};
 pub use cues::{Box3dCue, Box3dSd, CueError, Cues, DepthCue};
 pub use error::{OutlineError, SceneError};
 pub use hidden::hidden_edges;

@@ -52,6 +52,16 @@ pub struct Shape<'a> {
     pub hidden_lines: Option<[bool; SUPPORT_DIRECTIONS]>,
 }
 
+impl Shape<'_> {
+    /// The box around it, also beyond the border of the image, as boxes are.
+    pub(crate) fn bounding_box(&self) -> Option<BoundingBox> {
+        match self.outline {
+            Some(corners) => box_around(corners),
+            None => self.oriented_box.as_ref()?.bounding_box(),
+        }
+    }
+}
+
 /// Outlines and turned boxes on their way into a scene: each gives its detection supporting lines; outlines of one image and source
 /// that touch each other hide lines.
 #[derive(Debug, Default)]
@@ -84,8 +94,7 @@ impl Outlines {
         if let Some(given) = &detection.bounding_box {
             lines = lines.map(|lines| lines.beside_box(given));
         } else if !has_box {
-            // Of the outline as it was given, also beyond the border of the image, as boxes are.
-            let around = shape.outline.and_then(box_around).or_else(|| turned?.bounding_box());
+            let around = shape.bounding_box();
             detection.bounding_box = match frame.lens {
                 Some(_) => lines.as_ref().and_then(SupportLines::bounding_box),
                 None => around,
@@ -327,7 +336,7 @@ fn turned_lines(turned: &OrientedBox, frame: &Frame) -> Option<SupportLines> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{DetectionInput, Scene, SceneBuilder};
+    use super::super::{NewDetection, Scene, SceneBuilder};
     use super::*;
     use crate::geometry::{CamFromWorld, CameraModel, Projection};
     use nalgebra::Matrix3x4;
@@ -339,7 +348,7 @@ mod tests {
             builder.add_frame(frame, projection, Some([100.0, 80.0])).unwrap();
         }
         for (frame, outline) in outlines {
-            builder.add_detection(&DetectionInput { frame, outline: Some(outline), ..Default::default() }).unwrap();
+            builder.add_detection(&NewDetection { frame, outline: Some(outline), ..Default::default() }).unwrap();
         }
         builder.build()
     }
@@ -416,7 +425,7 @@ mod tests {
         let mut builder = SceneBuilder::new("test");
         builder.add_frame("a", Projection::from_matrix(Matrix3x4::identity()).unwrap(), Some([100.0, 80.0])).unwrap();
         let bounding_box = BoundingBox::new([18.0, 19.0, 43.0, 79.0]).ok();
-        let input = DetectionInput { frame: "a", bounding_box, outline: Some(&SQUARE), ..Default::default() };
+        let input = NewDetection { frame: "a", bounding_box, outline: Some(&SQUARE), ..Default::default() };
         builder.add_detection(&input).unwrap();
         let scene = builder.build();
         let lines = scene.detections[0].support_lines.as_deref().unwrap();
@@ -433,9 +442,7 @@ mod tests {
         let mut builder = SceneBuilder::new("test");
         builder.add_frame("a", Projection::from_matrix(Matrix3x4::identity()).unwrap(), Some([100.0, 80.0])).unwrap();
         let turned = OrientedBox::new(Vector2::new(85.0, 40.0), Vector2::new(40.0, 10.0), 0.5).unwrap();
-        builder
-            .add_detection(&DetectionInput { frame: "a", oriented_box: Some(turned), ..Default::default() })
-            .unwrap();
+        builder.add_detection(&NewDetection { frame: "a", oriented_box: Some(turned), ..Default::default() }).unwrap();
         let scene = builder.build();
         let lines = scene.detections[0].support_lines.as_deref().unwrap();
         assert_eq!(lines.count(), 4);
@@ -471,11 +478,9 @@ mod tests {
         let pose = CamFromWorld::new(Matrix3x4::identity()).unwrap();
         builder.add_frame_of_camera("a", &camera, &pose, Some([100.0, 80.0])).unwrap();
         let outline = [[70.0, 20.0], [90.0, 20.0], [90.0, 60.0], [70.0, 60.0]];
-        builder.add_detection(&DetectionInput { frame: "a", outline: Some(&outline), ..Default::default() }).unwrap();
+        builder.add_detection(&NewDetection { frame: "a", outline: Some(&outline), ..Default::default() }).unwrap();
         let turned = OrientedBox::new(Vector2::new(70.0, 40.0), Vector2::new(20.0, 10.0), 0.4).unwrap();
-        builder
-            .add_detection(&DetectionInput { frame: "a", oriented_box: Some(turned), ..Default::default() })
-            .unwrap();
+        builder.add_detection(&NewDetection { frame: "a", oriented_box: Some(turned), ..Default::default() }).unwrap();
         let scene = builder.build();
         let lines = scene.detections[0].support_lines.as_deref().unwrap();
         // The right edge bulges outwards at its ends, and the left one towards the middle of the image in its middle.

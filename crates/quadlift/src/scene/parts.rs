@@ -157,14 +157,12 @@ pub(super) fn check_parts(parts: &SceneParts) -> Result<(), SceneError> {
     for (detection, d) in parts.detections.iter().enumerate() {
         let cues = d.cues.as_deref().copied().unwrap_or_default();
         cues.check()?;
-        let (of_depth, of_box) = (cues.depth.and_then(|c| c.source), cues.box3d.and_then(|c| c.source));
         let indices = [
             ("frame", Some(d.frame_index), parts.frames.len()),
             ("object", d.object_index, parts.object_ids.len()),
             ("category", d.category_index, parts.categories.len()),
             ("source", d.source_index, parts.sources.len()),
-            ("cue source", of_depth, parts.cue_sources.len()),
-            ("cue source", of_box, parts.cue_sources.len()),
+            ("cue source", cues.sources().max(), parts.cue_sources.len()),
         ];
         for (what, index, count) in indices {
             if let Some(index) = index.filter(|&index| index as usize >= count) {

@@ -32,7 +32,7 @@ use nalgebra::Vector3;
 
 use crate::geometry::{Body, Projection};
 use crate::random;
-use crate::scene::{DetectionInput, SceneBuilder};
+use crate::scene::{NewDetection, SceneBuilder};
 use detections::{detect, names};
 use objects::Object;
 
@@ -104,7 +104,7 @@ fn generate_objects(
     let names = names(options, &found, &truth);
     for (detection, name) in found.iter().zip(&names) {
         let category = detection.object.and_then(&category_of);
-        builder.add_detection(&DetectionInput {
+        builder.add_detection(&NewDetection {
             frame: &frames[detection.frame].id,
             object: name.as_deref(),
             category: category.as_deref(),

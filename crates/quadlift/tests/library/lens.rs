@@ -5,7 +5,7 @@ use quadlift::geometry::{
     BoundingBox, CamFromWorld, Camera, CameraModel, Ellipse, Ellipsoid, Projection, project_ellipsoid,
 };
 use quadlift::metrics::iou3d_ellipsoids;
-use quadlift::scene::{DetectionInput, Scene, SceneBuilder};
+use quadlift::scene::{NewDetection, Scene, SceneBuilder};
 use quadlift::{LocalizeOptions, localize};
 use rand::{RngExt, SeedableRng};
 
@@ -65,11 +65,11 @@ fn scene(seen_by: &Camera, taken_for: &Camera) -> Scene {
             let Ok(outline) = project_ellipsoid(&projection, object) else { continue };
             let (object, bounding_box) = (k.to_string(), distorted_box(seen_by, &outline));
             builder
-                .add_detection(&DetectionInput {
+                .add_detection(&NewDetection {
                     frame: &id,
                     object: Some(&object),
                     bounding_box: Some(bounding_box.unwrap()),
-                    ..DetectionInput::default()
+                    ..NewDetection::default()
                 })
                 .unwrap();
         }

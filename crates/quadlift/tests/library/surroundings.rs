@@ -4,7 +4,7 @@
 use nalgebra::{Matrix3x4, Point3, Rotation3, Vector2, Vector3};
 use quadlift::geometry::{Body, BodyKind, BoundingBox, CamFromWorld, Intrinsics, Projection, project_bounding_box};
 use quadlift::metrics::iou3d_bodies;
-use quadlift::scene::{DetectionInput, Scene, SceneBuilder};
+use quadlift::scene::{NewDetection, Scene, SceneBuilder};
 use quadlift::solve::{CategoryPrior, CategoryPriors, Estimate, MapOptions, SizePrior, Status};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift::{LocalizeOptions, localize};
@@ -128,7 +128,7 @@ fn cars_from_above(count: usize) -> (Scene, Vec<Body>) {
             // Half a pixel of noise, without a generator.
             let noise = |edge: usize| 0.5 * (12.9898 * (20 * k + 4 * view as usize + edge) as f64).sin();
             let found = BoundingBox::new(std::array::from_fn(|edge| edges[edge] + noise(edge))).ok();
-            let input = DetectionInput {
+            let input = NewDetection {
                 frame: &frame,
                 object: Some(&k.to_string()),
                 category: Some("car"),

@@ -125,7 +125,7 @@ mod tests {
 
     use super::*;
     use crate::geometry::{BoundingBox, Projection};
-    use crate::scene::{DetectionInput, SceneBuilder};
+    use crate::scene::{NewDetection, SceneBuilder};
 
     #[test]
     fn each_side_of_the_border_cuts_off_its_own_edge() {
@@ -136,7 +136,7 @@ mod tests {
             let projection = Projection::from_matrix(Matrix3x4::identity()).unwrap();
             builder.add_frame("a", projection, size).unwrap();
             let bounding_box = BoundingBox::new(edges).ok();
-            builder.add_detection(&DetectionInput { frame: "a", bounding_box, ..Default::default() }).unwrap();
+            builder.add_detection(&NewDetection { frame: "a", bounding_box, ..Default::default() }).unwrap();
             Observations::new(&builder.build(), &[0]).boxes[0].cut
         };
         assert_eq!(cut(inside, Some([640.0, 480.0])), [false; 4]);

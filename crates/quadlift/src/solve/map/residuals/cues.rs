@@ -32,7 +32,7 @@ pub(crate) struct MeasuredCue {
 #[derive(Debug, Clone)]
 enum Kind {
     Depth(MeasuredDepth),
-    Box(Box<MeasuredBox>),
+    Box(Box<MeasuredBox3d>),
 }
 
 /// How far the visible surface is.
@@ -54,7 +54,7 @@ struct MeasuredDepth {
 
 /// A 3D box.
 #[derive(Debug, Clone)]
-struct MeasuredBox {
+struct MeasuredBox3d {
     center: Option<MeasuredCenter>,
     shape: Option<MeasuredShape>,
     /// Of the sizes, of the rotation.
@@ -110,7 +110,7 @@ impl MeasuredCue {
     ) -> Vec<Self> {
         let depth = view.cues.depth.and_then(|depth| MeasuredDepth::new(&depth, view, frame, p)).map(Kind::Depth);
         let measured =
-            view.cues.box3d.and_then(|b| MeasuredBox::new(&b, view, frame, named)).map(Box::new).map(Kind::Box);
+            view.cues.box3d.and_then(|b| MeasuredBox3d::new(&b, view, frame, named)).map(Box::new).map(Kind::Box);
         depth.into_iter().chain(measured).map(|kind| Self { view: index, kind }).collect()
     }
 
@@ -218,7 +218,7 @@ impl MeasuredDepth {
     }
 }
 
-impl MeasuredBox {
+impl MeasuredBox3d {
     fn new(measured: &Box3dCue, view: &View, frame: &ObjectFrame, named: bool) -> Option<Self> {
         let frame_from_cam = frame.axes.tr_mul(&view.projection.world_from_cam_rotation()?);
         let center = match measured.center {
