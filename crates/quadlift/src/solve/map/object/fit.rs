@@ -398,7 +398,9 @@ impl Fit {
         shared: SharedErrors,
         context: &MapContext,
     ) -> Option<Matrix9> {
-        let of_noise = invert_spd(&self.equations.hessian())?;
+        // A rotation of which the measurements know nothing is one of all.
+        let with_any_rotation = || invert_spd(&covariance::regularized(&self.equations));
+        let of_noise = invert_spd(&self.equations.hessian()).or_else(with_any_rotation)?;
         let mut local =
             if context.options.common_errors { self.with_common_errors(&of_noise, noise) } else { of_noise };
         if let Some(terms) = self.scale_terms(shared.scales, noise) {
