@@ -281,8 +281,8 @@ fn polygons(data: &[u8]) -> bool {
 
 /// A log as a scene, with and without what is damaged.
 fn mcap(data: &[u8]) -> bool {
-    let parse = |keep_going| {
-        let options = McapOptions { keep_going, ..McapOptions::default() };
+    let parse = |skip_errors| {
+        let options = McapOptions { skip_errors, ..McapOptions::default() };
         parse_mcap(Path::new("log.mcap"), data.to_vec(), options)
     };
     let (strict, lenient) = (parse(false), parse(true));
@@ -390,7 +390,7 @@ fn localize(data: &[u8]) -> bool {
         });
     }
     let named: Method = Method::NAMES[usize::from(*method) % Method::NAMES.len()].parse().unwrap();
-    let mut options = LocalizeOptions { accept_inconsistent: method & 64 != 0, ..LocalizeOptions::from(named) };
+    let mut options = LocalizeOptions { allow_inconsistent: method & 64 != 0, ..LocalizeOptions::from(named) };
     let kinds = [None, Some(BodyKind::Ellipsoid), Some(BodyKind::Cuboid), Some(BodyKind::Cylinder)];
     if let Some(map) = options.method.map_options_mut() {
         map.body = kinds[usize::from(*body) % kinds.len()];

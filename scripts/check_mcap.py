@@ -616,7 +616,7 @@ def write_protobuf(path, drive, transform_stamps):
 
 
 def check_damage(quadlift, folder, drive):
-    """Damaged, incomplete and odd logs: refused with the place, and what is right is used with --keep-going."""
+    """Damaged, incomplete and odd logs: refused with the place, and what is right is used with --skip-errors."""
     exact = sorted({*drive.stamps, *jittered(drive.stamps)})
     good = write_with_mcap(folder / "good.mcap", drive, exact).read_bytes()
     log, scene = folder / "damaged.mcap", folder / "damaged.json"
@@ -625,8 +625,8 @@ def check_damage(quadlift, folder, drive):
         if content is not None:
             log.write_bytes(content)
         said = run(quadlift, "import", "mcap", log, "-o", scene, *arguments, code=1)
-        assert expected in said and "--keep-going uses the rest" in said, (name, said)
-        said = run(quadlift, "import", "mcap", log, "-o", scene, "--keep-going", *arguments)
+        assert expected in said and "--skip-errors uses the rest" in said, (name, said)
+        said = run(quadlift, "import", "mcap", log, "-o", scene, "--skip-errors", *arguments)
         assert "warning: " in said and expected in said, (name, said)
         found = len(json.loads(scene.read_text())["frames"])
         assert least <= found <= len(drive.stamps), (name, found)

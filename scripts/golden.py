@@ -60,7 +60,7 @@ SETTINGS = {
     "sigmas": ("--sigmas edge_relative=0.03,edge_px=1", "noisy"),
     "associated": ("--associate always --ids ignore", "noisy street"),
     "axes": ("--assume poses=opengl", "exact"),
-    "swapped": ("--assume boxes=xywh --accept-inconsistent", "exact"),
+    "swapped": ("--assume boxes=xywh --allow-inconsistent", "exact"),
 }
 
 SOURCES = {"accv": "yolo model", "kitti": "rrc label cuboid", "lmo": "visible-mask model", "tuw": "authors"}

@@ -9,7 +9,7 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion};
-use quadlift::geometry::{BodyKind, Ellipse, SupportLines, project_ellipsoid};
+use quadlift::geometry::{BodyKind, Ellipse, TangentLines, project_ellipsoid};
 use quadlift::scene::{Detection, Scene};
 use quadlift::solve::{MapOptions, PoseMotion};
 use quadlift::synthetic::{
@@ -34,10 +34,10 @@ fn cues(options: &SyntheticOptions) -> Vec<(&'static str, Scene)> {
             // Too small and too large in turns.
             let factor = 1.0 + 0.05 * (index % 3) as f64 - 0.05;
             let wrong = Ellipse::new(seen.center(), seen.semi_axes() * factor, seen.angle()).unwrap();
-            let lines = SupportLines::of_ellipse(&wrong);
+            let lines = TangentLines::of_ellipse(&wrong);
             let lines = if beside { lines.beside_box(&detection.bounding_box.unwrap()) } else { lines };
             detection.bounding_box = lines.bounding_box();
-            detection.support_lines = Some(Box::new(lines));
+            detection.tangent_lines = Some(Box::new(lines));
         }
         Scene::from_parts(parts).unwrap()
     };

@@ -7,15 +7,15 @@ mod common;
 use std::time::{Duration, Instant};
 
 use common::{frames, observe, street};
-use quadlift::association::{AssociateOptions, IdUse, associate};
+use quadlift::association::{AssociateOptions, IdPolicy, associate};
 use quadlift::online::{ObjectMap, OnlineOptions};
 use quadlift::synthetic::SyntheticIds;
 
 fn main() {
     for (name, ids) in
-        [("without ids", IdUse::Ignore), ("ids of a tracker", IdUse::Evidence), ("trusted ids", IdUse::Trust)]
+        [("without ids", IdPolicy::Ignore), ("ids of a tracker", IdPolicy::Evidence), ("trusted ids", IdPolicy::Trust)]
     {
-        let given = if ids == IdUse::Ignore { SyntheticIds::Absent } else { SyntheticIds::True };
+        let given = if ids == IdPolicy::Ignore { SyntheticIds::Absent } else { SyntheticIds::True };
         let synthetic = street(3000, 9000, given);
         let frames = frames(&synthetic);
         let mut map = ObjectMap::new(OnlineOptions { ids, ..Default::default() }).expect("the options are valid");

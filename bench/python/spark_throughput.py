@@ -5,7 +5,7 @@
 
 Needs the package with its extra `spark` (a release build) and Java. 100,000 objects (or as many as are asked for) in 10
 views each, a hundred objects to a frame; local[2], all on this machine. Prints seconds and objects a second of a first
-and a second run with noise levels given, of one that finds them, with the cameras joined, and without hidden edges, the
+and a second run with noise levels given, of one that finds them, with the cameras joined, and without occluded edges, the
 peak memory of the Python workers and of the JVM, and the same of the program, whose answers are compared bit by bit.
 """
 
@@ -30,7 +30,7 @@ from python_overhead import IMAGE, Data
 import quadlift.spark
 
 VIEWS, PER_FRAME = 10, 100
-SIGMAS = {"edge_relative": 0.035, "edge_px": 0.35, "edge_correlation": 0.0, "hidden_edge_relative": 0.05}
+SIGMAS = {"edge_relative": 0.035, "edge_px": 0.35, "edge_correlation": 0.0, "occluded_edge_relative": 0.05}
 BODY = "ellipsoid"
 
 
@@ -143,7 +143,7 @@ def main() -> None:
                     "second run": given,
                     "noise levels from a sample": {},
                     "cameras joined": {**given, "broadcast_cameras": 0},
-                    "without hidden edges": {**given, "hidden_edges": False},
+                    "without occluded edges": {**given, "occluded_edges": False},
                 }.items()
             ):
                 start = time.perf_counter()

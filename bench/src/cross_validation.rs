@@ -93,7 +93,7 @@ fn sets(data: &Path, seed: u64) -> Result<Vec<Set>, Error> {
 /// The scene with at most so many of each object's detections of a source, evenly spread over its frames.
 fn thinned(scene: &Scene, source: &str, options: &LocalizeOptions, views: usize) -> Result<Scene, SceneError> {
     let source = scene.sources.iter().position(|name| name == source).map(|index| index as u32);
-    let hidden = scene.hidden_edges(|d| d.source_index == source);
+    let hidden = scene.occluded_edges(|d| d.source_index == source);
     let within = |level: Option<f64>, limit: Option<f64>| limit.is_none_or(|l| level.is_none_or(|x| x <= l));
     let mut groups = scene.detections_by_object(|d| {
         d.source_index == source
@@ -109,7 +109,7 @@ fn thinned(scene: &Scene, source: &str, options: &LocalizeOptions, views: usize)
     let mut thinned = scene.clone().into_parts();
     // What hides an edge may be left out.
     let detections = thinned.detections.iter_mut().zip(hidden);
-    detections.for_each(|(detection, hidden)| detection.hidden_edges = Some(hidden));
+    detections.for_each(|(detection, hidden)| detection.occluded_edges = Some(hidden));
     let mut index = 0;
     thinned.detections.retain(|_| {
         index += 1;

@@ -57,7 +57,7 @@ fn figures(views: usize, noise: f64, run: &Run) -> Result<Vec<Option<Figure>>, E
             noise: if noise > 0.0 { vec![Noise::BoxEdges(noise)] } else { Vec::new() },
             ..Default::default()
         })?;
-        let counts = |row: &&MethodRow| row.options.method.fewest_views() <= views;
+        let counts = |row: &&MethodRow| row.options.method.min_views() <= views;
         let score = |row: &MethodRow| -> Result<Vec<f64>, Error> {
             let options = LocalizeOptions { seed: run.seed, ..row.options.clone() };
             Ok(Measure::O3d.values(&scene.scores(&options)?))

@@ -82,7 +82,7 @@ fn ablations() -> Vec<MethodRow> {
         MethodRow::map("noise relative to the size only", MapOptions { pixel_noise_size: 0.0, ..car() }),
         MethodRow::map("no heavy tails", MapOptions { heavy_tails: false, ..car() }),
         MethodRow::map("views not correlated", MapOptions { correlated_views: false, ..car() }),
-        MethodRow::map("hidden edges like others", MapOptions { hidden_edges: false, ..car() }),
+        MethodRow::map("hidden edges like others", MapOptions { occluded_edges: false, ..car() }),
         MethodRow::map("camera height not known", MapOptions { camera_height: None, ..car() }),
         MethodRow::map("no ground plane", without_ground(car())),
         MethodRow::map("with pose noise", MapOptions { pose_noise: Some(POSE_NOISE), ..car() }),

@@ -133,7 +133,7 @@ pub(crate) fn run(data: &Path, run: &Run) -> Result<Report, Error> {
             figure_of(&scores[set], index, measure)
         };
         // KITTI's rows are those of the others and more.
-        for row in sets[2].rows.iter().filter(|row| row.options.method.fewest_views() <= views) {
+        for row in sets[2].rows.iter().filter(|row| row.options.method.min_views() <= views) {
             for measure in MEASURES {
                 let label =
                     [views.to_string().into(), row.method.into(), row.setting.as_str().into(), measure.name().into()];

@@ -57,7 +57,7 @@ class DetectionArrays(TypedDict, total=False):
     scores: NDArray[np.float64] | None
     """(M,)."""
     source: str | None
-    hidden_edges: NDArray[np.bool_] | None
+    occluded_edges: NDArray[np.bool_] | None
     """(M, 4)."""
     outlines: _outlines.OutlineArrays | None
     cues: _cues.CueArrays | None

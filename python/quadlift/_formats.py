@@ -54,7 +54,7 @@ class CameraOptions(TypedDict, total=False):
     """Logs: longest time between two transforms that is interpolated, seconds. Default: 1."""
     rectified: bool
     """Logs: the boxes were measured in the rectified image."""
-    keep_going: bool
+    skip_errors: bool
     """Logs: leave out what is damaged or cannot be read."""
     write_images: Path
     """Logs: folder for the compressed images."""
@@ -106,7 +106,7 @@ class ExportOptions(TypedDict, total=False):
     """TUM: id of the camera, if frames have several."""
 
 
-FLAGS = frozenset({"sweeps", "rectified", "keep_going", "enclosing", "only_detected"})
+FLAGS = frozenset({"sweeps", "rectified", "skip_errors", "enclosing", "only_detected"})
 _TEXTS = frozenset(
     {"frame_column", "columns", "kind", "pixel_centers", "sequence", "world_frame", "camera_frame", "frame_id"}
 )

@@ -23,7 +23,7 @@ class OutlineArrays(TypedDict):
     """(M + 1,): where the corners of each detection begin, 0 to K; a detection without an outline has none."""
     oriented_boxes: NDArray[np.float64] | None
     """(M, 5): center, width and height, angle; a row of NaN is no turned box."""
-    hidden_lines: NDArray[np.bool_] | None
+    occluded_lines: NDArray[np.bool_] | None
     """(M, 8): supporting lines that another outline is known to hide."""
 
 
@@ -31,7 +31,7 @@ def outlines(outlines: Sequence[Any] | None, oriented_boxes: Any, count: int, li
     """The outlines and turned boxes of `count` detections, as many as the argument `like`; None without any."""
     if outlines is None and oriented_boxes is None:
         return None
-    found: OutlineArrays = {"corners": None, "offsets": None, "oriented_boxes": None, "hidden_lines": None}
+    found: OutlineArrays = {"corners": None, "offsets": None, "oriented_boxes": None, "occluded_lines": None}
     if outlines is not None:
         if isinstance(outlines, str) or not hasattr(outlines, "__len__"):
             raise QuadliftError(
@@ -58,7 +58,7 @@ def taken(found: OutlineArrays, places: NDArray[np.int64] | NDArray[np.bool_]) -
         found["corners"],
         found["offsets"],
         found["oriented_boxes"],
-        found["hidden_lines"],
+        found["occluded_lines"],
     )
     if corners is not None and offsets is not None:
         counts, begins = np.diff(offsets)[places], offsets[:-1][places]
@@ -69,7 +69,7 @@ def taken(found: OutlineArrays, places: NDArray[np.int64] | NDArray[np.bool_]) -
         "corners": corners,
         "offsets": offsets,
         "oriented_boxes": None if turned is None else np.ascontiguousarray(turned[places]),
-        "hidden_lines": None if hidden is None else np.ascontiguousarray(hidden[places]),
+        "occluded_lines": None if hidden is None else np.ascontiguousarray(hidden[places]),
     }
 
 

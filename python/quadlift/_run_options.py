@@ -63,7 +63,7 @@ class RunOptions(TypedDict, total=False):
     quality without ground truth. Takes several times as long; the summary always checks a sample of views."""
     seed: int
     """Seed of the random numbers. Default: 0."""
-    accept_inconsistent: bool
+    allow_inconsistent: bool
     """Continue with an inconsistent scene."""
 
 
@@ -88,7 +88,7 @@ KINDS = {
     "sigmas": "levels",
     "cross_validate": "flag",
     "seed": "whole",
-    "accept_inconsistent": "flag",
+    "allow_inconsistent": "flag",
 }
 """The kind of value of each option."""
 

@@ -357,7 +357,7 @@ class Estimates(EstimateArrays):
         The fitted kind of body, ``"mixed"`` if objects differ (see ``body_kinds``).
     noise : dict
         Estimated noise levels by name; empty for methods other than ``"map"``. Standard deviations: ``edge_relative``
-        and ``hidden_edge_relative`` relative to half the size of the box, ``edge_px`` in pixels, those of ellipses
+        and ``occluded_edge_relative`` relative to half the size of the box, ``edge_px`` in pixels, those of ellipses
         relative to the mean semi-axis or of logarithms of axes. ``edge_correlation`` and ``ellipse_correlation`` are
         correlations between consecutive views. ``edge_common`` and others with this ending are errors common to the
         views of an object, in units of the noise; ``residual_level`` and ``residual_spread`` describe differences

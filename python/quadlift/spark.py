@@ -41,7 +41,7 @@ def localize(
     body: str = "auto",
     up: ArrayLike | None = None,
     length_unit: str | None = None,
-    hidden_edges: bool = True,
+    occluded_edges: bool = True,
     broadcast_cameras: int = 100_000,
     sample_objects: int = 2000,
     partitions: int | None = None,
@@ -69,7 +69,7 @@ def localize(
         World direction against gravity: an axis such as ``"-y"``, or a direction.
     length_unit : str, optional
         World unit; ``"m"`` is required for ``priors="builtin"``.
-    hidden_edges : bool
+    occluded_edges : bool
         Detect box edges that are probably hidden by another box of the frame, as the program does for ``method="map"``.
         It needs an additional shuffle; without it results differ for overlapping boxes.
     broadcast_cameras : int
@@ -113,10 +113,10 @@ def localize(
     if not has_objects:
         work = partial(batches.localize_scenes, cameras=shared, **world, **given)
         return _map(_scenes(flat, joined, partitions), work, _schema(flat, T.StringType()))
-    hide = hidden_edges and settings.is_map
+    hide = occluded_edges and settings.is_map
     if not settings.is_complete():
         given["sigmas"], given["body"] = _noise(flat, shared, joined, count, hide, {**world, **given})
-    rows = _objects(_with_hidden_edges(flat) if hide else flat, joined, partitions)
+    rows = _objects(_with_occluded_edges(flat) if hide else flat, joined, partitions)
     work = partial(batches.localize_objects, cameras=shared, **world, **given)
     return _map(rows, work, _schema(flat, flat.schema["object"].dataType))
 
@@ -127,7 +127,7 @@ def noise(
     *,
     up: ArrayLike | None = None,
     length_unit: str | None = None,
-    hidden_edges: bool = True,
+    occluded_edges: bool = True,
     broadcast_cameras: int = 100_000,
     sample_objects: int = 2000,
     **options: Any,
@@ -137,7 +137,7 @@ def noise(
 
     Parameters
     ----------
-    detections, cameras, up, length_unit, hidden_edges, broadcast_cameras, sample_objects, **options
+    detections, cameras, up, length_unit, occluded_edges, broadcast_cameras, sample_objects, **options
         As in `localize`; the detections need the column `object`.
 
     Returns
@@ -152,7 +152,7 @@ def noise(
     settings = Settings.of(options, OF_OBJECTS, up, length_unit)
     count = _checks.whole("sample_objects", sample_objects, 1, 2000)
     shared, joined = _shared_or_joined(_cameras(cameras, flat), broadcast_cameras)
-    hide = hidden_edges and settings.is_map
+    hide = occluded_edges and settings.is_map
     return _noise(flat, shared, joined, count, hide, {**options, "up": up, "length_unit": length_unit})
 
 
@@ -310,21 +310,21 @@ def _lists(rows: DataFrame, keys: Sequence[str], names: Sequence[str]) -> DataFr
     return rows.select(*keys, *(F.col("views").getField(name).alias(name) for name in names), *kept)
 
 
-def _with_hidden_edges(flat: DataFrame) -> DataFrame:
-    """The detections with the column `hidden_edges` and, if there are outlines, `hidden_lines`."""
+def _with_occluded_edges(flat: DataFrame) -> DataFrame:
+    """The detections with the column `occluded_edges` and, if there are outlines, `occluded_lines`."""
     keys = _keys(flat, "frame")
     names = [name for name in flat.columns if name not in keys]
     frames = flat.groupBy(*keys).agg(F.collect_list(F.struct(*names)).alias("views"))
     rows = _lists(frames, keys, names)
-    hidden = [T.StructField("hidden_edges", T.ByteType())]
+    hidden = [T.StructField("occluded_edges", T.ByteType())]
     if "outline" in names:
-        hidden.append(T.StructField("hidden_lines", T.ShortType()))
+        hidden.append(T.StructField("occluded_lines", T.ShortType()))
     schema = T.StructType([*(flat.schema[name] for name in (*keys, *names)), *hidden])
     return _map(rows, _hide, schema)
 
 
 def _hide(batch: pa.RecordBatch) -> pa.Table:
-    return batches.ungroup(batches.with_hidden_edges(batch))
+    return batches.ungroup(batches.with_occluded_edges(batch))
 
 
 def _objects(flat: DataFrame, cameras: DataFrame | None, partitions: int | None = None) -> DataFrame:
@@ -384,4 +384,4 @@ def _sample(flat: DataFrame, count: int, hide: bool) -> DataFrame:
     keys = _keys(flat, "frame")
     frames = flat.filter(is_chosen).select(*keys).distinct().withColumn("near", F.lit(True))
     near = flat.join(frames, keys, "left").filter(is_chosen | F.col("near")).select(*flat.columns)
-    return _with_hidden_edges(near).filter(is_chosen)
+    return _with_occluded_edges(near).filter(is_chosen)

@@ -283,13 +283,13 @@ def test_tables_of_objects_and_of_scenes(cued: Cued) -> None:
     up = cued.frames["up"]
     expected = quadlift.localize(**cued.frames, **cued.found, **given, upright=False)
     detections, cameras = tables(cued, cued.found["boxes3d"])
-    frames = batches.with_hidden_edges(batches.group(detections, ["frame"]))
+    frames = batches.with_occluded_edges(batches.group(detections, ["frame"]))
     rows = batches.group(batches.ungroup(frames), ["object"])
     found = batches.localize_objects(rows, cameras, up=up, **given)
     order = [list(expected.object_ids).index(name) for name in found["object"].to_pylist()]
     np.testing.assert_array_equal(np.array(found["center"].to_pylist()), expected.centers[order])
     in_world, _ = tables(cued, cued.in_world())
-    frames = batches.with_hidden_edges(batches.group(in_world, ["frame"]))
+    frames = batches.with_occluded_edges(batches.group(in_world, ["frame"]))
     of_world = batches.localize_objects(batches.group(batches.ungroup(frames), ["object"]), cameras, up=up, **given)
     np.testing.assert_allclose(np.array(of_world["center"].to_pylist()), expected.centers[order], atol=1e-6)
     # Only depths and 3D boxes, no boxes.

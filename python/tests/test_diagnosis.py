@@ -44,7 +44,7 @@ def test_inverted_poses_are_told_and_mended() -> None:
     assert cause["name"] == "camera_to_world"
     assert cause["after"] < 0.1 < cause["before"]
     with pytest.warns(quadlift.InconsistentSceneWarning):
-        quadlift.localize(**wrong, accept_inconsistent=True)
+        quadlift.localize(**wrong, allow_inconsistent=True)
 
     frames = {name: wrong.pop(name) for name in ("projections", "image_sizes")}
     scene = quadlift.Scene.from_arrays(**frames).with_detections(**wrong)

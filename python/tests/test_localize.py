@@ -87,15 +87,15 @@ def test_with_sigmas_objects_are_apart(made: Arrays) -> None:
         objects=["any name"] * int(rows.sum()),
         **options,
     )
-    hidden = _core.hidden_edges(made.frames, made.boxes)
+    hidden = _core.occluded_edges(made.frames, made.boxes)
     assert not hidden[rows].any(), "nothing else is before it"
     np.testing.assert_array_equal(alone.centers[0], whole.centers[2])
     np.testing.assert_array_equal(alone.covariances[0], whole.covariances[2])
 
 
-def test_hidden_edges() -> None:
+def test_occluded_edges() -> None:
     boxes = [[100, 50, 200, 100], [180, 40, 300, 150], [np.nan] * 4, [100, 50, 200, 100]]
-    hidden = _core.hidden_edges(np.array([7, 7, 7, 8]), np.array(boxes, float))
+    hidden = _core.occluded_edges(np.array([7, 7, 7, 8]), np.array(boxes, float))
     assert hidden.tolist() == [[False, False, True, False], [False] * 4, [False] * 4, [False] * 4]
 
 

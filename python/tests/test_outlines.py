@@ -116,8 +116,8 @@ def test_tables_give_what_arrays_give(shaped: Shaped) -> None:
     sigmas = quadlift.localize(**frames, **shaped.found, body="ellipsoid").noise
     expected = quadlift.localize(**frames, **shaped.found, body="ellipsoid", sigmas=sigmas, upright=False)
     options: dict[str, Any] = {"up": shaped.frames["up"], "body": "ellipsoid", "sigmas": sigmas}
-    of_frames = batches.with_hidden_edges(batches.group(table, ["frame"]))
-    hidden = np.concatenate(of_frames.column("hidden_lines").to_pylist())
+    of_frames = batches.with_occluded_edges(batches.group(table, ["frame"]))
+    hidden = np.concatenate(of_frames.column("occluded_lines").to_pylist())
     assert 0 < np.count_nonzero(hidden) < len(table)
     rows = batches.group(batches.ungroup(of_frames), ["object"])
     for part in (rows, rows.slice(3, 5)):

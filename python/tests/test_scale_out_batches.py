@@ -16,7 +16,7 @@ from fleet import Fleet, assert_same, comparable, count_ok, made_fleet, statuses
 from quadlift import batches
 from quadlift.batches import _detections
 
-SIGMAS = {"edge_relative": 0.02, "edge_px": 0.3, "hidden_edge_relative": 0.05, "edge_correlation": 0.2}
+SIGMAS = {"edge_relative": 0.02, "edge_px": 0.3, "occluded_edge_relative": 0.05, "edge_correlation": 0.2}
 KEYS = ["scene", "object"]
 
 
@@ -26,8 +26,8 @@ def fleet(program: Program, tmp_path_factory: pytest.TempPathFactory) -> Fleet:
 
 
 def of_objects(detections: pa.Table) -> pa.Table:
-    """Rows of objects, with hidden edges."""
-    frames = batches.with_hidden_edges(batches.group(detections, ["scene", "frame"]))
+    """Rows of objects, with occluded edges."""
+    frames = batches.with_occluded_edges(batches.group(detections, ["scene", "frame"]))
     return batches.group(batches.ungroup(frames), KEYS)
 
 
@@ -72,12 +72,12 @@ def test_priors(fleet: Fleet) -> None:
     assert changed == [kind == "car" for kind in found["category"].to_pylist()]
 
 
-def test_hidden_edges_count(fleet: Fleet) -> None:
+def test_occluded_edges_count(fleet: Fleet) -> None:
     rows = of_objects(fleet.detections)
-    masks = np.concatenate(rows["hidden_edges"].to_pylist())
+    masks = np.concatenate(rows["occluded_edges"].to_pylist())
     assert set(masks) == {0, 1, 4, 5}
     options: dict[str, Any] = {"sigmas": SIGMAS, "body": "ellipsoid"}
-    found = batches.localize_objects(rows.drop_columns("hidden_edges"), fleet.cameras, **options)
+    found = batches.localize_objects(rows.drop_columns("occluded_edges"), fleet.cameras, **options)
     assert not comparable(found).equals(fleet.expected(**options))
 
 
@@ -88,7 +88,7 @@ def test_closed_form(fleet: Fleet) -> None:
 
 def test_noise_is_that_of_a_scene(made: Arrays) -> None:
     rows, cameras = tables(made)
-    frames = batches.with_hidden_edges(batches.group(batches.ungroup(rows), ["frame"]))
+    frames = batches.with_occluded_edges(batches.group(batches.ungroup(rows), ["frame"]))
     with_edges = batches.group(batches.ungroup(frames), ["object"])
     whole = quadlift.localize(**made.arguments())
     sigmas, body = batches.noise(with_edges, cameras)
@@ -387,7 +387,7 @@ def refusals(made: Arrays) -> dict[str, tuple[Any, str]]:
         "height": (objects(camera_height=1.0), "camera_height is an option of whole scenes"),
         "poses": (objects(pose_noise=(0.1, 0.1)), "pose_noise is an option of whole scenes"),
         "priors": (objects(priors={"car": {"on_ground": True}}, up=(0, 0, 1)), "on_ground=True"),
-        "learnt sizes": (objects(learn_sizes=True), "learn_sizes is an option of whole scenes"),
+        "learned sizes": (objects(learn_sizes=True), "learn_sizes is an option of whole scenes"),
         "builtin": (objects(priors="builtin", length_unit="m", up=(0, 0, 1)), "on_ground=True"),
         "threads": (objects(threads=2), "there is no option 'threads' here"),
         "object": (objects(rows.drop_columns("object")), "rows has no column 'object'"),

@@ -47,7 +47,7 @@ def test_recipe(program: Program, engine: str, tmp_path: Path) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    frames = batches.with_hidden_edges(batches.group(fleet.detections, ["scene", "frame"]))
+    frames = batches.with_occluded_edges(batches.group(fleet.detections, ["scene", "frame"]))
     rows = batches.group(batches.ungroup(frames), ["scene", "object"])
     sigmas, body = batches.noise(batches.sample(rows), fleet.cameras)
     expected = batches.localize_objects(rows, fleet.cameras, sigmas=sigmas, body=body)

@@ -25,7 +25,7 @@ from quadlift import batches
 
 pytestmark = pytest.mark.scale_out
 
-SIGMAS = {"edge_relative": 0.02, "edge_px": 0.3, "hidden_edge_relative": 0.05, "edge_correlation": 0.2}
+SIGMAS = {"edge_relative": 0.02, "edge_px": 0.3, "occluded_edge_relative": 0.05, "edge_correlation": 0.2}
 GIVEN: dict[str, Any] = {"sigmas": SIGMAS, "body": "ellipsoid"}
 
 
@@ -88,7 +88,7 @@ def test_depths_and_3d_boxes(fleet: Fleet, spark: SparkSession, cameras: DataFra
     table = table.append_column("box3d_center", pa.array(centers, pa.list_(pa.float64())))
     table = table.append_column("box3d_sd_distance", pa.array([0.2] * count))
     found = quadlift.spark.localize(spark.createDataFrame(table), cameras, **GIVEN).toArrow()
-    frames = batches.with_hidden_edges(batches.group(table, ["scene", "frame"]))
+    frames = batches.with_occluded_edges(batches.group(table, ["scene", "frame"]))
     rows = batches.group(batches.ungroup(frames), ["scene", "object"])
     assert_same(found, batches.localize_objects(rows, fleet.cameras, **GIVEN))
     assert found["center"].to_pylist() != fleet.expected(**GIVEN)["center"].to_pylist()
@@ -131,7 +131,7 @@ def test_same_as_the_program(
 
 def test_noise_from_a_sample(fleet: Fleet, detections: DataFrame, cameras: DataFrame) -> None:
     """It depends on ids only: not on partitions, not on where the cameras come from, not on the engine."""
-    frames = batches.with_hidden_edges(batches.group(fleet.detections, ["scene", "frame"]))
+    frames = batches.with_occluded_edges(batches.group(fleet.detections, ["scene", "frame"]))
     rows = batches.group(batches.ungroup(frames), ["scene", "object"])
     sigmas, body = batches.noise(batches.sample(rows, 9), fleet.cameras)
     expected = batches.localize_objects(rows, fleet.cameras, sigmas=sigmas, body=body)
@@ -148,10 +148,10 @@ def test_noise_from_a_sample(fleet: Fleet, detections: DataFrame, cameras: DataF
     assert_same(found.toArrow(), expected)
 
 
-def test_without_hidden_edges(fleet: Fleet, detections: DataFrame, cameras: DataFrame) -> None:
+def test_without_occluded_edges(fleet: Fleet, detections: DataFrame, cameras: DataFrame) -> None:
     rows = batches.group(fleet.detections, ["scene", "object"])
     expected = batches.localize_objects(rows, fleet.cameras, **GIVEN)
-    assert_same(quadlift.spark.localize(detections, cameras, hidden_edges=False, **GIVEN).toArrow(), expected)
+    assert_same(quadlift.spark.localize(detections, cameras, occluded_edges=False, **GIVEN).toArrow(), expected)
     # The closed forms do not look at them.
     expected = batches.localize_objects(rows, fleet.cameras, method="lfd")
     assert_same(quadlift.spark.localize(detections, cameras, method="lfd").toArrow(), expected)
@@ -260,7 +260,7 @@ def test_poison(fleet: Fleet, spark: SparkSession, cameras: DataFrame, limit: in
         assert text in problem
     # The first pass does not mind either.
     again = quadlift.spark.localize(detections, cameras, broadcast_cameras=limit).toArrow()
-    frames = batches.with_hidden_edges(batches.group(poisoned, ["scene", "frame"]))
+    frames = batches.with_occluded_edges(batches.group(poisoned, ["scene", "frame"]))
     objects = batches.group(batches.ungroup(frames), ["scene", "object"])
     of_all = batches.Cameras(cameras.toArrow())
     sigmas, body = batches.noise(batches.sample(objects), of_all)

@@ -2,7 +2,7 @@
 
 use quadlift::association::{AssociateOptions, Association, associate};
 use quadlift::geometry::{BodyKind, Ellipsoid};
-use quadlift::metrics::{DivisionScore, FoundScore, pairwise_clustering_scores, score_found};
+use quadlift::metrics::{ClusteringScore, ObjectDetectionScore, pairwise_clustering_scores, score_found};
 use quadlift::scene::{Scene, SceneError};
 use quadlift::solve::MapOptions;
 use quadlift::{Localization, LocalizeOptions, localize};
@@ -31,9 +31,9 @@ pub(crate) struct Case {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct CaseScore {
     /// The detections.
-    pub division: DivisionScore,
+    pub division: ClusteringScore,
     /// The objects, with the bodies that association itself fits.
-    pub found: FoundScore,
+    pub found: ObjectDetectionScore,
     /// Share of the true objects that have a found center within their longest semi-axis.
     pub centers_found: Option<f64>,
     /// Mean volume IoU of the true objects, localized from what was found.
@@ -71,7 +71,7 @@ impl Marked {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Division {
     /// The detections.
-    pub score: DivisionScore,
+    pub score: ClusteringScore,
     /// Objects at least half of whose detections show true ones.
     pub standing: Marked,
     /// All others: they are false.

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use quadlift::association::{AssociateOptions, IdUse};
+use quadlift::association::{AssociateOptions, IdPolicy};
 use quadlift::geometry::BoundingBox;
 use quadlift_io::formats::read_cameras;
 use quadlift_io::read::ReadOptions;
@@ -152,7 +152,7 @@ pub(crate) fn steps() -> usize {
 /// # Errors
 /// [`Error::Read`], [`Error::Associate`], [`Error::Localize`].
 pub(crate) fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(), Error> {
-    let options = AssociateOptions { ids: IdUse::Ignore, ..Default::default() };
+    let options = AssociateOptions { ids: IdPolicy::Ignore, ..Default::default() };
     let score = |(name, ..): &(&str, &str, f64, [f64; 3])| {
         let case = case(data, name)?;
         let score = case.score(&options)?;

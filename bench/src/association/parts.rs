@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use quadlift::association::{AssociateOptions, AssociationWarning, IdUse, Part};
+use quadlift::association::{AssociateOptions, AssociationWarning, IdPolicy, Part};
 use quadlift::synthetic::SyntheticOptions;
 use rayon::prelude::*;
 
@@ -42,7 +42,7 @@ fn rows() -> Vec<Row> {
 impl Row {
     fn options(&self) -> AssociateOptions {
         let Self { thorough, without, .. } = *self;
-        AssociateOptions { ids: IdUse::Ignore, thorough, without, ..Default::default() }
+        AssociateOptions { ids: IdPolicy::Ignore, thorough, without, ..Default::default() }
     }
 
     /// Whether the row affects more than doubtful objects.

@@ -1,7 +1,7 @@
 //! Synthetic scenes: crowds, noise, missed and false boxes, wrong poses, few views, and ids that may be wrong.
 
-use quadlift::association::{AssociateOptions, IdUse};
-use quadlift::metrics::FoundScore;
+use quadlift::association::{AssociateOptions, IdPolicy};
+use quadlift::metrics::ObjectDetectionScore;
 use quadlift::synthetic::{Detector, Noise, Observations, SyntheticIds, SyntheticOptions, Trajectory, generate};
 use rayon::prelude::*;
 
@@ -128,7 +128,7 @@ pub(crate) fn with_parts_to_do() -> [(&'static str, SyntheticOptions); 5] {
 struct IdRow {
     name: &'static str,
     ids: SyntheticIds,
-    use_of_ids: IdUse,
+    use_of_ids: IdPolicy,
     prototype: Option<f64>,
     aim: Option<Aim>,
 }
@@ -141,15 +141,15 @@ fn id_rows() -> Vec<IdRow> {
     };
     let perfect = |use_of_ids| row("perfect", SyntheticIds::True, use_of_ids);
     vec![
-        broken(IdUse::Ignore),
-        IdRow { prototype: Some(0.165), ..broken(IdUse::Trust) },
+        broken(IdPolicy::Ignore),
+        IdRow { prototype: Some(0.165), ..broken(IdPolicy::Trust) },
         IdRow {
             prototype: Some(1.0),
             aim: Some(Aim { id: "association_ids", least: 0.995 }),
-            ..broken(IdUse::Evidence)
+            ..broken(IdPolicy::Evidence)
         },
-        perfect(IdUse::Evidence),
-        IdRow { aim: Some(Aim { id: "association_trust", least: 1.0 }), ..perfect(IdUse::Trust) },
+        perfect(IdPolicy::Evidence),
+        IdRow { aim: Some(Aim { id: "association_trust", least: 1.0 }), ..perfect(IdPolicy::Trust) },
     ]
 }
 
@@ -170,7 +170,7 @@ pub(crate) fn case(make: &SyntheticOptions) -> Result<Case, Error> {
     })
 }
 
-fn scores(make: &SyntheticOptions, ids: IdUse, run: &Run, steps: &Steps) -> Result<Vec<CaseScore>, Error> {
+fn scores(make: &SyntheticOptions, ids: IdPolicy, run: &Run, steps: &Steps) -> Result<Vec<CaseScore>, Error> {
     let score = |k| {
         let case = case(&SyntheticOptions { seed: run.seed + k, ..make.clone() })?;
         let score = case.score(&AssociateOptions { ids, ..Default::default() });
@@ -194,12 +194,12 @@ pub(crate) fn add(report: &mut Report, run: &Run, steps: &Steps) -> Result<(), E
         ["condition", "F1, prototype", "aim", "F1", "lowest F1", "objects P", "objects R", "O3D", "O3D, true ids"];
     let mut table = Table::new(format!("Synthetic scenes without ids, {} of each", run.scenes(SEEDS)), columns);
     let conditions = conditions();
-    let of = |condition: &Condition| scores(&condition.make, IdUse::Ignore, run, steps);
+    let of = |condition: &Condition| scores(&condition.make, IdPolicy::Ignore, run, steps);
     let all: Vec<Vec<CaseScore>> = conditions.par_iter().map(of).collect::<Result<_, _>>()?;
     for (condition, scores) in conditions.iter().zip(&all) {
         let f1: Vec<f64> = scores.iter().map(|s| s.division.f1).collect();
         let lowest = f1.iter().copied().fold(1.0, f64::min);
-        let found = |of: fn(&FoundScore) -> Option<f64>| mean_of(scores, |s| of(&s.found));
+        let found = |of: fn(&ObjectDetectionScore) -> Option<f64>| mean_of(scores, |s| of(&s.found));
         let o3d = mean_of(scores, |s| Some(s.o3d));
         let with_ids = mean_of(scores, |s| Some(s.o3d_with_true_ids));
         table.push(vec![
@@ -208,8 +208,8 @@ pub(crate) fn add(report: &mut Report, run: &Run, steps: &Steps) -> Result<(), E
             number(condition.aim.map(|aim| aim.least)),
             number(mean(&f1)),
             Cell::number(lowest, 3),
-            number(found(FoundScore::precision)),
-            number(found(FoundScore::recall)),
+            number(found(ObjectDetectionScore::precision)),
+            number(found(ObjectDetectionScore::recall)),
             number(o3d),
             number(with_ids),
         ]);
@@ -240,9 +240,9 @@ fn add_ids(report: &mut Report, run: &Run, steps: &Steps) -> Result<(), Error> {
     for (row, scores) in rows.iter().zip(&all) {
         let f1 = mean_of(scores, |s| Some(s.division.f1));
         let option = match row.use_of_ids {
-            IdUse::Trust => "trust",
-            IdUse::Evidence => "evidence",
-            IdUse::Ignore => "ignore",
+            IdPolicy::Trust => "trust",
+            IdPolicy::Evidence => "evidence",
+            IdPolicy::Ignore => "ignore",
         };
         table.push(vec![
             row.name.into(),

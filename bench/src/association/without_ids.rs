@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use quadlift::association::{AssociateOptions, IdUse};
+use quadlift::association::{AssociateOptions, IdPolicy};
 use quadlift::scene::Scene;
 use quadlift_io::read_scene_file;
 use rayon::prelude::*;
@@ -105,7 +105,7 @@ pub(crate) fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(),
     let rows = rows();
     let score = |row: &Row| {
         let case = row.case(data)?;
-        let score = case.score(&AssociateOptions { ids: IdUse::Ignore, ..Default::default() });
+        let score = case.score(&AssociateOptions { ids: IdPolicy::Ignore, ..Default::default() });
         steps.done();
         score
     };

@@ -1,6 +1,6 @@
 //! Depths and 3D boxes of single images beside boxes (ours): simulated on synthetic scenes and on KITTI; depths with a scale in each
 //! frame, and with a shift; points of structure from motion; outlines and turned boxes: simulated, on rendered scenes and on real images;
-//! sizes that are learnt from the scene.
+//! sizes that are learned from the scene.
 
 mod frame_scales;
 mod fusion;

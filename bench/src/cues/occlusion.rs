@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use quadlift::geometry::{Body, OutlineEnd, SupportLines};
+use quadlift::geometry::{Body, OutlineEnd, TangentLines};
 use quadlift::metrics::{ObjectScore, TruthObject};
 use quadlift::nalgebra::Vector2;
 use quadlift::scene::Scene;
@@ -98,9 +98,9 @@ impl MaskScene {
             let all = FrameMasks::new(of_frame.iter().map(|&k| &self.masks[k]));
             let size: Option<Vector2<f64>> = parts.frames[frame].image_size;
             for k in of_frame {
-                let found = all.support_lines(&self.masks[k], size, None);
-                let two_sided = |lines: SupportLines| lines.with_ends(|l| OutlineEnd { hidden: false, ..l.end });
-                parts.detections[k].support_lines = match lines {
+                let found = all.tangent_lines(&self.masks[k], size, None);
+                let two_sided = |lines: TangentLines| lines.with_ends(|l| OutlineEnd { hidden: false, ..l.end });
+                parts.detections[k].tangent_lines = match lines {
                     Lines::Boxes => None,
                     Lines::TwoSided => found.map(two_sided).map(Box::new),
                     Lines::OneSided => found.map(Box::new),

@@ -1,7 +1,7 @@
 //! Synthetic scenes: outlines and turned boxes beside boxes, in 2 to 20 views.
 
 use quadlift::geometry::{
-    Body, BodyKind, Ellipse, Ellipsoid, OrientedBox, OutlineEnd, SupportLines, project_ellipsoid,
+    Body, BodyKind, Ellipse, Ellipsoid, OrientedBox, OutlineEnd, TangentLines, project_ellipsoid,
 };
 use quadlift::metrics::{iou3d_ellipsoids, nees};
 use quadlift::nalgebra::{Rotation2, Vector2};
@@ -89,14 +89,14 @@ fn scene_of(made: &SyntheticScene, column: usize, seed: u64) -> Result<Scene, Er
         let Ok(ellipse) = project_ellipsoid(projection, &made.truth[object].1.ellipsoid()) else { continue };
         let (outline, turned) = (outline(&ellipse, &mut rng), turned_box(&ellipse, &mut rng));
         let lines = match (column, detection.bounding_box, turned) {
-            (1, ..) => SupportLines::of_outline(&outline),
-            (2, Some(around), _) => SupportLines::of_outline(&outline).map(|lines| lines.beside_box(&around)),
-            (3, _, Some(turned)) => Some(SupportLines::of_oriented_box(&turned, None, 0.0)),
+            (1, ..) => TangentLines::of_outline(&outline),
+            (2, Some(around), _) => TangentLines::of_outline(&outline).map(|lines| lines.beside_box(&around)),
+            (3, _, Some(turned)) => Some(TangentLines::of_oriented_box(&turned, None, 0.0)),
             _ => None,
         };
         if let Some(lines) = lines {
             detection.bounding_box = lines.bounding_box().or(detection.bounding_box);
-            detection.support_lines = Some(Box::new(lines));
+            detection.tangent_lines = Some(Box::new(lines));
         }
     }
     Ok(Scene::from_parts(parts)?)

@@ -1,4 +1,4 @@
-//! Sizes that are learnt from the scene (`--learn-sizes`): synthetic categories, and the real scenes.
+//! Sizes that are learned from the scene (`--learn-sizes`): synthetic categories, and the real scenes.
 
 use std::path::Path;
 
@@ -53,7 +53,7 @@ fn options(learn_sizes: bool, body: Option<BodyKind>, seed: u64) -> LocalizeOpti
 /// O3D and NEES of each object.
 type Scores = (Vec<f64>, Vec<f64>);
 
-/// O3D of each object of a synthetic scene, without and with learnt sizes, and the NEES of ellipsoids.
+/// O3D of each object of a synthetic scene, without and with learned sizes, and the NEES of ellipsoids.
 fn synthetic(
     views: usize,
     (_, body, standing): (&str, BodyKind, bool),
@@ -94,10 +94,10 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
     let steps = Steps::new("cues", BODIES.len() * SIZES.len() * VIEWS.len(), run.progress);
     let count = run.scenes(SCENES);
     report.text(format!(
-        "Sizes learnt from the scene (`--learn-sizes`): {OBJECTS} objects of {CATEGORIES} categories in each of {count} scenes, cameras \
+        "Sizes learned from the scene (`--learn-sizes`): {OBJECTS} objects of {CATEGORIES} categories in each of {count} scenes, cameras \
          at 40 from the middle of a cube of 10, boxes with {EDGE_NOISE} of their half size of noise. \"One size\": the extents of \
          things of a category differ by {SPREAD} (logarithms); \"two sizes\": every second one is twice as large; \"any size\": the \
-         category is a name only. Each object's prior is learnt from the others. NEES: median, 9 parameters (8.34)."
+         category is a name only. Each object's prior is learned from the others. NEES: median, 9 parameters (8.34)."
     ));
     let mut table = Table::new(
         "Sizes from the scene: O3D of synthetic categories",

@@ -211,7 +211,7 @@ pub(super) fn harm(truth: &[(String, Body)], right: &HashMap<String, Body>, wron
 
 /// The estimated bodies by the names of their objects.
 pub(super) fn bodies(scene: &Scene) -> HashMap<String, Body> {
-    let mut options = LocalizeOptions { accept_inconsistent: true, ..Default::default() };
+    let mut options = LocalizeOptions { allow_inconsistent: true, ..Default::default() };
     options.method = Method::Map(MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() });
     let Ok(localization) = localize(scene, &options) else { return HashMap::new() };
     let named = |e: quadlift::solve::Estimate| Some((scene.object_ids[e.object_index].clone(), e.body?));

@@ -138,7 +138,7 @@ fn ious(synthetic: &SyntheticScene, row: &Row, seed: u64) -> Result<Vec<f64>, Er
     let found: Vec<Option<Body>> = match row {
         Row::Median => (0..synthetic.truth.len()).map(|object| median_of_boxes(scene, object as u32)).collect(),
         Row::Map(map) => {
-            let options = LocalizeOptions { accept_inconsistent: true, seed, ..LocalizeOptions::from((**map).clone()) };
+            let options = LocalizeOptions { allow_inconsistent: true, seed, ..LocalizeOptions::from((**map).clone()) };
             let estimates = localize(scene, &options)?.estimates;
             let of_object = |object| estimates.iter().find(|e| e.object_index == object).and_then(|e| e.body);
             (0..synthetic.truth.len()).map(of_object).collect()

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use quadlift::association::{AssociateOptions, IdUse, associate};
+use quadlift::association::{AssociateOptions, IdPolicy, associate};
 use quadlift::metrics::pairwise_clustering_scores;
 use quadlift::online::{ObjectMap, OnlineOptions};
 use rayon::prelude::*;
@@ -37,10 +37,10 @@ struct Scores {
 
 fn scores(case: &Case) -> Result<Scores, Error> {
     let bodies: Vec<_> = case.detected_bodies().into_iter().map(Some).collect();
-    let association = associate(&case.scene, &AssociateOptions { ids: IdUse::Ignore, ..Default::default() })?;
+    let association = associate(&case.scene, &AssociateOptions { ids: IdPolicy::Ignore, ..Default::default() })?;
     let f1 = |division: &[Option<u32>]| pairwise_clustering_scores(&case.true_objects, division).f1;
     let (batch_o3d, batch_nees) = over_time::judge(&association.applied_to(&case.scene, None), &bodies)?;
-    let mut map = ObjectMap::new(OnlineOptions { ids: IdUse::Ignore, ..Default::default() })?;
+    let mut map = ObjectMap::new(OnlineOptions { ids: IdPolicy::Ignore, ..Default::default() })?;
     let frames = case.scene.frames.len();
     let mut over_time = Vec::new();
     let labels = replay(&mut map, &case.scene, |done, map, labels| {

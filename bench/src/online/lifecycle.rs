@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use quadlift::association::IdUse;
+use quadlift::association::IdPolicy;
 use quadlift::geometry::{ConvexBody, project_bounding_box};
 use quadlift::online::{Event, Frame, ObjectId, ObjectMap, OnlineOptions, Presence, Removal};
 use quadlift::scene::{NewDetection, Scene};
@@ -67,7 +67,7 @@ fn live(options: &SyntheticOptions) -> Result<Lives, Error> {
     let kept: Vec<usize> = (0..parts.detections.len()).filter(|&index| stays(index)).collect();
     parts.detections = kept.iter().map(|&index| synthetic.scene.detections[index].clone()).collect();
     let scene = Scene::from_parts(parts)?;
-    let mut map = ObjectMap::new(OnlineOptions { ids: IdUse::Ignore, ..Default::default() })?;
+    let mut map = ObjectMap::new(OnlineOptions { ids: IdPolicy::Ignore, ..Default::default() })?;
     let mut labels = Labels::new(&scene);
     let mut gone_at: BTreeMap<ObjectId, Vec<usize>> = BTreeMap::new();
     let mut confirmed_at: BTreeMap<ObjectId, usize> = BTreeMap::new();

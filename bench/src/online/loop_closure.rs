@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use quadlift::association::IdUse;
+use quadlift::association::IdPolicy;
 use quadlift::geometry::{Ellipsoid, Projection};
 use quadlift::metrics::pairwise_clustering_scores;
 use quadlift::nalgebra::{Matrix4, Rotation3, Vector3};
@@ -78,7 +78,7 @@ fn close_loop(options: &SyntheticOptions, turn: f64, shift: f64) -> Result<[f64;
     let order: Vec<usize> = (0..count).step_by(2).chain((1..count).step_by(2)).collect();
     let frames = by_frame(scene);
     let run = |drifts: bool| -> Result<ObjectMap, Error> {
-        let mut map = ObjectMap::new(OnlineOptions { ids: IdUse::Ignore, ..Default::default() })?;
+        let mut map = ObjectMap::new(OnlineOptions { ids: IdPolicy::Ignore, ..Default::default() })?;
         for (place, &index) in order.iter().enumerate() {
             let detections: Vec<NewDetection> = frames[index].iter().filter_map(|&d| observed(scene, d)).collect();
             let mut frame = Frame::of_scene(scene, &scene.frames[index], place as f64);

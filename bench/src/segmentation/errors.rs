@@ -21,7 +21,7 @@ pub(super) struct ViewErrors {
     center: f64,
     /// Absolute logarithm of the ratio of the ellipses' areas.
     log_area: f64,
-    fell_back: bool,
+    fallback: bool,
 }
 
 impl ViewErrors {
@@ -37,7 +37,7 @@ impl ViewErrors {
             angle: (axes.max() > ROUND * axes.min()).then_some(angle),
             center: (view.ellipse.center() - true_ellipse.center()).norm() / (axes.x * axes.y).sqrt(),
             log_area: ((found.x * found.y) / (axes.x * axes.y)).ln().abs(),
-            fell_back: matches!(view.status, SegmentStatus::FellBack(_)),
+            fallback: matches!(view.status, SegmentStatus::Fallback(_)),
         })
     }
 }
@@ -79,7 +79,7 @@ pub(super) fn cells(sequences: &[Vec<ViewErrors>]) -> Vec<Cell> {
         figure(|view| view.center, 3),
         figure(|view| view.log_area, 3),
         figure(|view| if view.ellipse_iou < 0.5 { 1.0 } else { 0.0 }, 3),
-        figure(|view| if view.fell_back { 1.0 } else { 0.0 }, 3),
+        figure(|view| if view.fallback { 1.0 } else { 0.0 }, 3),
     ]
 }
 
@@ -125,7 +125,7 @@ mod tests {
             angle: Some(4.0),
             center: 0.0,
             log_area: 0.0,
-            fell_back: false,
+            fallback: false,
         };
         let sequences = [vec![errors(0.9)], vec![errors(0.4), errors(0.6), errors(0.5)]];
         assert!((mean_ellipse_iou(&sequences).unwrap().value - 0.7).abs() < 1e-12);

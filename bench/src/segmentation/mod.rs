@@ -282,7 +282,7 @@ impl ImageSet {
 /// The scene without the supporting lines of masks.
 fn without_lines(scene: &TrueScene) -> Result<TrueScene, Error> {
     let mut parts = scene.scene.clone().into_parts();
-    parts.detections.iter_mut().for_each(|detection| detection.support_lines = None);
+    parts.detections.iter_mut().for_each(|detection| detection.tangent_lines = None);
     Ok(TrueScene { scene: Scene::from_parts(parts)?, ..scene.clone() })
 }
 

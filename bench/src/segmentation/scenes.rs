@@ -158,7 +158,7 @@ impl ImageScene {
     /// writes: nothing where no mask could be trusted.
     pub(super) fn with_found(&self, found: &[Vec<ViewSegmentation>]) -> Result<TrueScene, SceneError> {
         let masks = found.iter().flatten().map(|view| {
-            let trusted = !matches!(view.status, SegmentStatus::FellBack(_));
+            let trusted = !matches!(view.status, SegmentStatus::Fallback(_));
             trusted.then(|| (view.mask.clone(), view.ellipse))
         });
         self.with_masks(masks, true)
@@ -192,12 +192,12 @@ impl ImageScene {
             for (index, mask, ellipse) in &masks {
                 let detection = &mut scene.detections[*index];
                 detection.ellipse = Some(*ellipse);
-                let lines = all.support_lines(mask, size, None);
+                let lines = all.tangent_lines(mask, size, None);
                 let lines = match detection.bounding_box.filter(|_| found_in_box) {
                     Some(around) => lines.map(|lines| lines.beside_box(&around)),
                     None => lines,
                 };
-                detection.support_lines = lines.map(Box::new);
+                detection.tangent_lines = lines.map(Box::new);
                 let whole = size.map_or([u32::MAX; 2], |size| [size.x as u32, size.y as u32]);
                 detection.partial = all.contacts(mask, whole).is_partial();
             }

@@ -1,6 +1,6 @@
 //! Association in words: what `associate` and `localize` share.
 
-use quadlift::association::{Association, IdUse};
+use quadlift::association::{Association, IdPolicy};
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
 use quadlift_io::association::skipped_in_words;
@@ -14,18 +14,18 @@ pub(crate) fn localize_in_words(
     file: &SceneFile,
     scene: &Scene,
     source: Option<&str>,
-    ids: IdUse,
+    ids: IdPolicy,
     association: &Association,
 ) -> String {
     let used = || file.detections.iter().filter(|d| source.is_none() || d.source.as_deref() == source);
     let unnamed = used().filter(|d| d.object.is_none()).count();
     let given = match ids {
         _ if unnamed == used().count() => "no detection has an object id".to_owned(),
-        IdUse::Trust => {
+        IdPolicy::Trust => {
             format!("{} without an object id; the ids of the others are trusted", count(unnamed, "detection"))
         }
-        IdUse::Evidence => "existing ids are used as evidence".to_owned(),
-        IdUse::Ignore => "existing ids are ignored".to_owned(),
+        IdPolicy::Evidence => "existing ids are used as evidence".to_owned(),
+        IdPolicy::Ignore => "existing ids are ignored".to_owned(),
     };
     let labels = labels(scene, association);
     let doubtful: Vec<&str> =

@@ -73,8 +73,8 @@ fn contact_sheet(views: &[(&str, Option<&Crop>, Option<&Found>)]) -> anyhow::Res
         let (id, crop, found) = views[place * views.len() / shown];
         let frame = match found {
             None => GIVEN_UP,
-            Some(found) if found.fell_back.is_some() => GIVEN_UP,
-            Some(found) if found.contacts.cut_by_border() || found.contacts.touches_another() => CUT,
+            Some(found) if found.fallback.is_some() => GIVEN_UP,
+            Some(found) if found.contacts.truncated_by_border() || found.contacts.touches_another() => CUT,
             Some(_) => FREE,
         };
         let drawing = crop.map_or_else(|| RgbImage::from_pixel(CROP, CROP, PAPER), |crop| draw(crop, found));
@@ -178,7 +178,7 @@ mod tests {
         let crop = Crop::cut(&image, &bounding_box, &CropOptions::default()).unwrap();
         let mask = Mask { origin: [150, 120], ..Mask::from_fn(100, 60, |_, _| true) };
         let ellipse = Ellipse::new([200.0, 150.0].into(), [40.0, 20.0].into(), 0.0).unwrap();
-        let found = Found { mask, ellipse, confidence: None, fell_back: None, contacts: Contacts::default() };
+        let found = Found { mask, ellipse, confidence: None, fallback: None, contacts: Contacts::default() };
         let drawing = draw(&crop, Some(&found));
         assert_eq!(drawing.dimensions(), (192, 96));
         let at = |x: f64, y: f64| {

@@ -284,7 +284,7 @@ fn notes(rows: &[Summary], labels: &Labels, localization: &Localization, options
 
 /// Why an object is not localized.
 fn reason(status: Status, method: &Method, min_views: usize) -> Option<String> {
-    let fewest = min_views.max(method.fewest_views());
+    let fewest = min_views.max(method.min_views());
     Some(match status {
         Status::Ok => return None,
         Status::Inconsistent => "no body agrees with the views; the reported one is unreliable".to_owned(),

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use quadlift::metrics::{Evaluation, FoundScore, PairedBy};
+use quadlift::metrics::{Evaluation, ObjectDetectionScore, PairedBy};
 use quadlift::solve::Status;
 use quadlift_io::evaluation::identities::{Division, DivisionOutcome};
 use quadlift_io::evaluation::{COLUMNS, Column, LEAST_IOU, Matching, Unit, failures_in_words};
@@ -83,7 +83,7 @@ pub(crate) fn render(evaluation: &Evaluation, [estimates, truth]: [&Labels; 2], 
 }
 
 /// The number of found objects, as text.
-pub(crate) fn render_found(found: &FoundScore) -> String {
+pub(crate) fn render_found(found: &ObjectDetectionScore) -> String {
     format!(
         "{HEADING}found{HEADING:#}: {} of {} (IoU of at least {LEAST_IOU}, ignoring ids); {} of {} are correct\n",
         found.matched,

@@ -49,7 +49,7 @@ Exit codes:
      be localized (of several scenes: in at least one)
   2  wrong usage: unknown options, values out of range, options that contradict each other
   3  the scene is inconsistent: poses, cameras and boxes contradict each other
-     (--accept-inconsistent continues)
+     (--allow-inconsistent continues)
 
 Outputs:
   -o - and /dev/stdout write to standard output; messages then go to standard error.

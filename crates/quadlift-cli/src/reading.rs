@@ -104,7 +104,7 @@ pub(crate) enum Stream {}
 
 impl Reader for Stream {
     fn takes(name: &str) -> bool {
-        !["keep_going", "write_images"].contains(&name) && formats_with(name).contains(&"mcap")
+        !["skip_errors", "write_images"].contains(&name) && formats_with(name).contains(&"mcap")
     }
 }
 

@@ -103,7 +103,7 @@ fn turned_twice(first: u8, second: u8) -> u8 {
     (2..=8).find(|&orientation| unit(orientation) == both).unwrap_or(1)
 }
 
-/// The self-check in a result file. Misses are typical ones ([`quadlift::diagnosis::Agreement::miss`]).
+/// The self-check in a result file. Reprojection errors are typical ones ([`quadlift::diagnosis::Agreement::miss`]).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DiagnosisRecord {
     /// The causes, the best first.
@@ -264,7 +264,7 @@ fn miss_in_words(miss: f64) -> String {
 
 fn half_sizes(miss: f64) -> String {
     match miss {
-        // Misses are clamped at this value.
+        // Reprojection errors are clamped at this value.
         2.5.. => "more than 250 % of their half size".to_owned(),
         _ => format!("{} of their half size", percent(miss)),
     }

@@ -40,9 +40,9 @@ pub struct DetectionArrays<'py> {
     scores: Option<PyReadonlyArray1<'py, f64>>,
     #[pyo3(default)]
     source: Option<String>,
-    /// (M, 4): edges that are known to be hidden, see [`Detection::hidden_edges`]. A scene file does not hold them.
+    /// (M, 4): edges that are known to be hidden, see [`Detection::occluded_edges`]. A scene file does not hold them.
     #[pyo3(default)]
-    hidden_edges: Option<PyReadonlyArray2<'py, bool>>,
+    occluded_edges: Option<PyReadonlyArray2<'py, bool>>,
     /// Outlines and turned boxes.
     #[pyo3(default)]
     outlines: Option<OutlineArrays<'py>>,
@@ -134,7 +134,7 @@ impl DetectionArrays<'_> {
         });
         let objects = self.objects.indices(&mut scene.object_ids);
         let categories = self.categories.indices(&mut scene.categories);
-        let hidden = self.hidden_edges.as_ref().map(|edges| edges.as_array());
+        let hidden = self.occluded_edges.as_ref().map(|edges| edges.as_array());
         let has_lens = scene.frames.iter().any(|frame| frame.lens.is_some());
         let has_shapes = self.outlines.is_some();
         let mut rows = Vec::with_capacity(if has_lens || has_shapes { count } else { 0 });
@@ -156,7 +156,7 @@ impl DetectionArrays<'_> {
                 bounding_box,
                 ellipse,
                 box_in_image,
-                hidden_edges: hidden.map(|edges| std::array::from_fn(|k| edges[[row, k]])),
+                occluded_edges: hidden.map(|edges| std::array::from_fn(|k| edges[[row, k]])),
                 cues: (!cues.is_empty()).then(|| Box::new(cues)),
                 ..Default::default()
             };
@@ -241,7 +241,7 @@ pub(crate) fn refused(error: SceneError, first: usize) -> PyErr {
 /// Which edges (left, top, right, bottom) of M boxes are probably hidden by another box of the same frame: (M, 4).
 /// Invalid boxes neither hide nor are hidden.
 #[pyfunction]
-pub(crate) fn hidden_edges<'py>(
+pub(crate) fn occluded_edges<'py>(
     py: Python<'py>,
     frames: PyReadonlyArray1<'py, i64>,
     boxes: PyReadonlyArray2<'py, f64>,
@@ -252,7 +252,7 @@ pub(crate) fn hidden_edges<'py>(
         Some((*frame, found))
     };
     let places: Vec<_> = frames.iter().enumerate().map(place).collect();
-    let edges = scene::hidden_edges(&places);
+    let edges = scene::occluded_edges(&places);
     let hidden = Array2::from_shape_fn((edges.len(), 4), |(row, k)| edges[row][k]);
     PyArray2::from_owned_array(py, hidden)
 }

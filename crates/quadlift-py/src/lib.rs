@@ -34,8 +34,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(scene_methods::write_text, module)?)?;
     module.add_function(wrap_pyfunction!(scene_methods::frame_problems, module)?)?;
     module.add_function(wrap_pyfunction!(formats::format_options, module)?)?;
-    module.add_function(wrap_pyfunction!(detections::hidden_edges, module)?)?;
-    module.add_function(wrap_pyfunction!(outlines::hidden_lines, module)?)?;
+    module.add_function(wrap_pyfunction!(detections::occluded_edges, module)?)?;
+    module.add_function(wrap_pyfunction!(outlines::occluded_lines, module)?)?;
     module.add_function(wrap_pyfunction!(calibrate::calibrate, module)?)?;
     module.add_class::<scene::PyScene>()?;
     module.add_class::<localized::PyLocalized>()?;

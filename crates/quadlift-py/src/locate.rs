@@ -6,7 +6,7 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use quadlift::geometry::{BoundingBox, CamFromWorld, Intrinsics};
-use quadlift::locate::{CameraHeight, Gravity, LocateOptions, Located, LocatedPose, Query, QueryBox};
+use quadlift::locate::{CameraHeight, Gravity, LocateOptions, LocatedPose, Query, QueryBox, Relocalization};
 
 use crate::error::refuse;
 use crate::rows::Names;
@@ -79,7 +79,7 @@ impl LocateQuery<'_> {
 /// What was found; `rows` has what stands for each landmark.
 pub(crate) fn location<'py>(
     py: Python<'py>,
-    located: &Located,
+    located: &Relocalization,
     boxes: usize,
     rows: &[usize],
 ) -> PyResult<Bound<'py, PyDict>> {

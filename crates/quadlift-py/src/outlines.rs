@@ -18,8 +18,8 @@ pub(crate) struct OutlineArrays<'py> {
     offsets: Option<PyReadonlyArray1<'py, i64>>,
     /// (M, 5): center, width and height, angle; a row of NaN is no turned box.
     oriented_boxes: Option<PyReadonlyArray2<'py, f64>>,
-    /// (M, 8): lines that are known to be hidden, see [`Shape::hidden_lines`].
-    hidden_lines: Option<PyReadonlyArray2<'py, bool>>,
+    /// (M, 8): lines that are known to be hidden, see [`Shape::occluded_lines`].
+    occluded_lines: Option<PyReadonlyArray2<'py, bool>>,
 }
 
 /// Outline and turned box of a row.
@@ -30,7 +30,7 @@ pub(crate) struct RowShape {
     /// The turned box.
     pub oriented_box: Option<OrientedBox>,
     /// Lines that are known to be hidden.
-    hidden_lines: Option<[bool; SUPPORT_DIRECTIONS]>,
+    occluded_lines: Option<[bool; SUPPORT_DIRECTIONS]>,
 }
 
 impl RowShape {
@@ -41,8 +41,8 @@ impl RowShape {
 
     /// The shape as a scene takes it.
     pub(crate) fn shape(&self) -> Shape<'_> {
-        let Self { outline, oriented_box, hidden_lines } = self;
-        Shape { outline: outline.as_deref(), oriented_box: *oriented_box, hidden_lines: *hidden_lines }
+        let Self { outline, oriented_box, occluded_lines } = self;
+        Shape { outline: outline.as_deref(), oriented_box: *oriented_box, occluded_lines: *occluded_lines }
     }
 }
 
@@ -58,11 +58,11 @@ impl OutlineArrays<'_> {
             OrientedBox::new([x, y].into(), [width, height].into(), angle)
                 .map_err(|error| format!("oriented_boxes[{row}]: {error}"))
         });
-        let hidden = self.hidden_lines.as_ref().map(|lines| lines.as_array());
+        let hidden = self.occluded_lines.as_ref().map(|lines| lines.as_array());
         Ok(RowShape {
             outline: outline.map(Vec::into_boxed_slice),
             oriented_box: turned.transpose()?,
-            hidden_lines: hidden.map(|lines| std::array::from_fn(|k| lines[[row, k]])),
+            occluded_lines: hidden.map(|lines| std::array::from_fn(|k| lines[[row, k]])),
         })
     }
 
@@ -78,7 +78,7 @@ impl OutlineArrays<'_> {
 /// Which lines of M outlines end where another outline of the same frame begins: (M, 8). Rows without a valid outline neither hide nor
 /// are hidden.
 #[pyfunction]
-pub(crate) fn hidden_lines<'py>(
+pub(crate) fn occluded_lines<'py>(
     py: Python<'py>,
     frames: PyReadonlyArray1<'py, i64>,
     outlines: OutlineArrays<'py>,
@@ -86,7 +86,7 @@ pub(crate) fn hidden_lines<'py>(
     let frames = frames.as_array();
     let corners: Vec<_> = (0..frames.len()).map(|row| outlines.corners_of(row)).collect();
     let places: Vec<_> = frames.iter().zip(&corners).map(|(frame, found)| Some((*frame, found.as_deref()?))).collect();
-    let hidden = scene::hidden_lines(&places);
+    let hidden = scene::occluded_lines(&places);
     let found = Array2::from_shape_fn((hidden.len(), SUPPORT_DIRECTIONS), |(row, k)| hidden[row][k]);
     PyArray2::from_owned_array(py, found)
 }

@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use nalgebra::{Matrix2, Matrix3x4, Vector2};
-use quadlift::geometry::{Body, BodyKind, Ellipse, Projection, SupportLines, project_bounding_box, project_ellipsoid};
+use quadlift::geometry::{Body, BodyKind, Ellipse, Projection, TangentLines, project_bounding_box, project_ellipsoid};
 
 /// Points on the outline of a round body.
 const POINTS: usize = 96;
@@ -37,7 +37,7 @@ pub(crate) fn ellipse_points(ellipse: &Ellipse) -> Vec<Vector2<f64>> {
 }
 
 /// The closed polygon of the supporting lines of an outline or a turned box.
-pub(crate) fn support_polygon(lines: &SupportLines) -> Vec<Vector2<f64>> {
+pub(crate) fn support_polygon(lines: &TangentLines) -> Vec<Vector2<f64>> {
     let lines: Vec<_> = lines.lines().collect();
     let corner = |k: usize| {
         let (a, b) = (&lines[k], &lines[(k + 1) % lines.len()]);

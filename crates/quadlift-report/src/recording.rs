@@ -251,7 +251,7 @@ fn gather_frame(report: &Report, scene: &Scene, frame: &ReportFrame, projection:
             points.extend(points.first().copied());
             ellipses.push(RecordingOutline { lines: vec![line(&points)], owner: owner.clone() });
         }
-        if let Some(lines) = detection.and_then(|detection| detection.support_lines.as_deref()) {
+        if let Some(lines) = detection.and_then(|detection| detection.tangent_lines.as_deref()) {
             let lines = vec![line(&support_polygon(lines))];
             detected_outlines.push(RecordingOutline { lines, owner: owner.clone() });
         }

@@ -57,7 +57,7 @@ impl Contacts {
     }
 
     /// Whether the image border cuts the mask.
-    pub fn cut_by_border(&self) -> bool {
+    pub fn truncated_by_border(&self) -> bool {
         self.border > 0.0
     }
 
@@ -79,7 +79,7 @@ mod tests {
     fn free_masks_have_no_contacts() {
         let free = Contacts::of(&square(3, 3), [10, 10], |_, _| false, 1);
         assert_eq!(free, Contacts::default());
-        assert!(!free.cut_by_border() && !free.touches_another());
+        assert!(!free.truncated_by_border() && !free.touches_another());
         assert_eq!(Contacts::of(&Mask::default(), [10, 10], |_, _| true, 1), Contacts::default());
     }
 
@@ -88,9 +88,9 @@ mod tests {
         for (x, y, share) in [(0, 3, 0.25), (8, 3, 0.25), (3, 0, 0.25), (3, 8, 0.25), (0, 0, 0.5), (8, 8, 0.5)] {
             let contacts = Contacts::of(&square(x, y), [10, 10], |_, _| false, 1);
             assert_eq!(contacts, Contacts { border: share, others: 0.0 }, "{x} {y}");
-            assert!(contacts.cut_by_border());
+            assert!(contacts.truncated_by_border());
         }
-        assert!(Contacts::of(&square(1, 3), [10, 10], |_, _| false, 2).cut_by_border());
+        assert!(Contacts::of(&square(1, 3), [10, 10], |_, _| false, 2).truncated_by_border());
     }
 
     #[test]

@@ -83,7 +83,7 @@ pub enum SegmentStatus {
     /// A mask was found, and the ellipse is that of its moments.
     Ok,
     /// No mask could be trusted: mask and ellipse are those of the box.
-    FellBack(Failure),
+    Fallback(Failure),
 }
 
 /// The object in one view.
@@ -196,7 +196,7 @@ fn of_box(crop: &Crop, failure: Failure) -> ViewSegmentation {
         .map(|i| crop.to_image(&Vector2::new((i % grid) as f64 + 0.5, (i / grid) as f64 + 0.5)))
         .map(|place| (place - ellipse.center()).component_div(&(crop.bounding_box().size() * 0.5)).norm() <= 1.0)
         .collect();
-    let (mask, status) = (crop.mask_in_image(&inside), SegmentStatus::FellBack(failure));
+    let (mask, status) = (crop.mask_in_image(&inside), SegmentStatus::Fallback(failure));
     ViewSegmentation { mask, ellipse, confidence: 0.0, status }
 }
 

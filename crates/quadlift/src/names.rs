@@ -3,7 +3,7 @@
 use std::fmt::{Display, Formatter, Result as FmtResult};
 use std::str::FromStr;
 
-use crate::association::IdUse;
+use crate::association::IdPolicy;
 use crate::geometry::BodyKind;
 use crate::localize::MeasurementKind;
 use crate::solve::{MapOptions, Method, PoseMotion, RegOptions};
@@ -118,7 +118,7 @@ impl FromStr for PoseMotion {
     }
 }
 
-impl IdUse {
+impl IdPolicy {
     /// All values, in the order of their names.
     pub const ALL: [Self; 3] = [Self::Trust, Self::Evidence, Self::Ignore];
     /// The names of all values, as [`Display`] writes and [`FromStr`] reads them.
@@ -130,13 +130,13 @@ impl IdUse {
     }
 }
 
-impl Display for IdUse {
+impl Display for IdPolicy {
     fn fmt(&self, f: &mut Formatter<'_>) -> FmtResult {
         f.pad(self.name())
     }
 }
 
-impl FromStr for IdUse {
+impl FromStr for IdPolicy {
     type Err = UnknownName;
 
     fn from_str(name: &str) -> Result<Self, UnknownName> {

@@ -48,9 +48,9 @@ macro_rules! tuned {
 tuned! {
     // Edges that another box hides.
     /// An edge counts as inside another box up to this many pixels beyond it.
-    HIDING_REACH_PX = 5.0;
+    OCCLUDER_MARGIN_PX = 5.0;
     /// Share of the hidden box's height over which the two must overlap.
-    HIDING_OVERLAP = 0.3;
+    MIN_OCCLUDER_OVERLAP = 0.3;
 
     // The objective, outliers.
     /// Degrees of freedom of Student's t distribution, the likelihood of an edge: near zero it is a Gaussian, beyond three
@@ -64,7 +64,7 @@ tuned! {
     /// measurements, and they look better than they are: many residuals do not make a level as certain as their number says
     /// (a tempered likelihood, as Gruenwald and van Ommen 2017 use it for wrong models).
     ///
-    /// Tuned together with `ANY_LEVEL` (`usual_level`) on TUW, KITTI (RRC boxes with the car prior, mean O3D; exact boxes in three views) and
+    /// Tuned together with `ANY_LEVEL` (`noise_prior`) on TUW, KITTI (RRC boxes with the car prior, mean O3D; exact boxes in three views) and
     /// synthetic boxes in 2 to 20 views. From .015 to .05, with it from .1 to .5: TUW .820 to .822, KITTI .60 to .64
     /// with aligned poses and .46 to .51 with GPS poses (single cars that turn over make most of the difference); synthetic
     /// scenes of 50 objects differ by less than .005.
@@ -76,7 +76,7 @@ tuned! {
     /// that they share. Tuned on KITTI, whose correlations are .1 (S05) and .35 to .9 (the others).
     CORRELATED_FROM = 0.3;
     /// How much noisier hidden edges usually are, and the degrees of freedom for which that counts.
-    HIDDEN_RATIO = 2.0;
+    OCCLUDED_RATIO = 2.0;
     /// How probable any other level is, relative to the usual one (per logarithm): detectors do not differ much, but boxes may
     /// come from elsewhere. See `TEMPERING` (`noise`).
     ANY_LEVEL = 0.3;
@@ -123,11 +123,11 @@ tuned! {
     SIZE_BIAS_SD = 0.2;
     /// The same of each extent beside what all share. With .05 and .2 O3D differs by less than .002 (3D boxes in one view, KITTI).
     EXTENT_BIAS_SD = 0.1;
-    // Sizes learnt from the scene.
+    // Sizes learned from the scene.
     /// Standard deviation of the logarithm of an extent among the things of one category: the median of `size_sd / size` over the
     /// built-in priors is .158.
     CATEGORY_SPREAD = 0.16;
-    /// Objects for which that counts, and the least degrees of freedom of a learnt size.
+    /// Objects for which that counts, and the least degrees of freedom of a learned size.
     LEARNT_DOF = 4.0;
     /// Standard deviation of the plane's slopes before anything is known.
     SLOPE_SD = 0.06;

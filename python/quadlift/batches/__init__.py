@@ -33,7 +33,7 @@ from ._detections import (
     objects_of,
     read,
 )
-from ._grouping import group, ungroup, with_hidden_edges
+from ._grouping import group, ungroup, with_occluded_edges
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -47,7 +47,7 @@ __all__ = [
     "sample",
     "schema",
     "ungroup",
-    "with_hidden_edges",
+    "with_occluded_edges",
 ]
 
 _log = logging.getLogger("quadlift")
@@ -111,7 +111,7 @@ def localize_objects(
         - `scene` (optional) and `object`: whole numbers or texts; null, "" and negative numbers mean no object,
         - `frame`, `x0`, `y0`, `x1`, `y1`: lists of equal length with one entry per view: its frame (whole numbers or
           texts) and the box in pixels,
-        - `category` (texts), `hidden_edges` and `hidden_lines` (see `with_hidden_edges`), optional: lists of the same
+        - `category` (texts), `occluded_edges` and `occluded_lines` (see `with_occluded_edges`), optional: lists of the same
           length,
         - outlines and turned boxes, optional: lists of the same length `outline` (lists of x and y of the corners in
           turn) and `oriented_box_x`, `oriented_box_y`, `oriented_box_width`, `oriented_box_height`,
@@ -314,7 +314,7 @@ def localize_scenes(
         World unit.
     **options
         As in `localize_objects`, and `associate`, `ids`, `upright`, `ground_plane`, `camera_height`,
-        `pose_noise`, `accept_inconsistent`. Without `sigmas` the noise levels are estimated per scene.
+        `pose_noise`, `allow_inconsistent`. Without `sigmas` the noise levels are estimated per scene.
         The objects of an inconsistent scene have the status ``"inconsistent"``.
 
     Returns

@@ -32,7 +32,7 @@ OF_SCENES = frozenset(_run_options.KINDS) - {
 OF_SCENES |= {"priors"}
 """Options for tables of scenes."""
 EDGES = np.array([1, 2, 4, 8])
-"""Bits of left, top, right and bottom in a column `hidden_edges`."""
+"""Bits of left, top, right and bottom in a column `occluded_edges`."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Settings:
                 raise QuadliftError(f"there is no option {name!r} here; expected one of {', '.join(sorted(known))}")
         # The self-check and the detection of upright objects need whole scenes: objects that are solved one by one do
         # not depend on them.
-        of_objects: dict[str, Any] = {"associate": "never", "accept_inconsistent": True}
+        of_objects: dict[str, Any] = {"associate": "never", "allow_inconsistent": True}
         if options.get("method", "map") == "map":
             of_objects["upright"] = False
         of_kind = of_objects if known == OF_OBJECTS else {"associate": "auto"}
@@ -147,24 +147,24 @@ class Detections:
         )
 
     def dictionary(
-        self, frame: NDArray[np.int64], names: list[str] | None, hidden_edges: NDArray[np.bool_] | None
+        self, frame: NDArray[np.int64], names: list[str] | None, occluded_edges: NDArray[np.bool_] | None
     ) -> DetectionArrays:
         """Detections for the core; with names, the names of the rows are the object ids.
 
-        Without hidden edges, these and hidden lines are computed from the other detections.
+        Without occluded edges, these and occluded lines are computed from the other detections.
         """
         outlines = None if self.outlines is None else self.outlines.copy()
-        if outlines is not None and hidden_edges is None:
-            outlines["hidden_lines"] = None
-        elif outlines is not None and outlines["hidden_lines"] is None:
-            outlines["hidden_lines"] = np.zeros((len(frame), 8), dtype=np.bool_)
+        if outlines is not None and occluded_edges is None:
+            outlines["occluded_lines"] = None
+        elif outlines is not None and outlines["occluded_lines"] is None:
+            outlines["occluded_lines"] = np.zeros((len(frame), 8), dtype=np.bool_)
         return {
             "frames": frame,
             "boxes": np.ascontiguousarray(self.boxes),
             "objects": (None, []) if names is None else (self.row, names),
             "categories": self.category,
             "scores": self.scores,
-            "hidden_edges": hidden_edges,
+            "occluded_edges": occluded_edges,
             "outlines": outlines,
             "cues": self.cues,
         }
@@ -226,7 +226,7 @@ def read(rows: Any, cameras: Cameras | Any | None) -> tuple[Cameras, Detections,
     """The detections of a table; those with invalid frames are among the problems."""
     names = rows.column_names
     _tables.require(names, ["frame", *_tables.BOX], "rows")
-    others = ("category", "score", "hidden_edges", "hidden_lines", *_tables.SHAPES, *_tables.CUES)
+    others = ("category", "score", "occluded_edges", "occluded_lines", *_tables.SHAPES, *_tables.CUES)
     views = _tables.Views(rows, ["frame", *_tables.BOX, *(n for n in others if n in names)])
     frame = _tables.ids(views["frame"], "frame")
     scene = _tables.column(rows, "scene") if "scene" in names else None
@@ -244,7 +244,7 @@ def read(rows: Any, cameras: Cameras | Any | None) -> tuple[Cameras, Detections,
     if cameras.broken:
         broken = np.flatnonzero(np.isin(camera, list(cameras.broken)))
         found.add_detections(broken, 5, [cameras.broken[int(camera[place])] for place in broken])
-    hidden = _tables.numbers(views["hidden_edges"], "hidden_edges") if "hidden_edges" in views else None
+    hidden = _tables.numbers(views["occluded_edges"], "occluded_edges") if "occluded_edges" in views else None
     detections = Detections(
         row=views.row,
         camera=camera,

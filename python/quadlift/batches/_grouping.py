@@ -1,4 +1,4 @@
-"""From detections to one row per object, scene or frame, and back; hidden edges of the boxes of a frame."""
+"""From detections to one row per object, scene or frame, and back; occluded edges of the boxes of a frame."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def ungroup(rows: Any) -> Any:
     return pa.table({n: views[n] if n in views else _tables.column(rows, n).take(parents) for n in rows.column_names})
 
 
-def with_hidden_edges(rows: Any) -> Any:
+def with_occluded_edges(rows: Any) -> Any:
     """Detects box edges that are probably hidden by another box of the frame; they have a separate noise level.
 
     Parameters
@@ -86,8 +86,8 @@ def with_hidden_edges(rows: Any) -> Any:
     Returns
     -------
     pyarrow.Table
-        The rows with one more column, `hidden_edges`: lists of int8, 1 for a hidden left edge plus 4 for a right one.
-        With a column `outline` also `hidden_lines`: lists of int16, with a bit for each supporting line that another
+        The rows with one more column, `occluded_edges`: lists of int8, 1 for a hidden left edge plus 4 for a right one.
+        With a column `outline` also `occluded_lines`: lists of int16, with a bit for each supporting line that another
         outline may hide.
     """
     rows = _tables.table(rows, "rows")
@@ -97,11 +97,11 @@ def with_hidden_edges(rows: Any) -> Any:
     boxes, outlines = views.boxes(), views.outlines()
     if outlines is not None:
         boxes = np.where(np.isnan(boxes).all(axis=1, keepdims=True), _outlines.around(outlines), boxes)
-    hidden = _core.hidden_edges(views.row, np.ascontiguousarray(boxes))
+    hidden = _core.occluded_edges(views.row, np.ascontiguousarray(boxes))
     offsets = pa.array(np.searchsorted(views.row, np.arange(len(rows) + 1)).astype(np.int32))
     masks = pa.array((hidden @ EDGES).astype(np.int8))
-    rows = rows.append_column("hidden_edges", pa.ListArray.from_arrays(offsets, masks))
+    rows = rows.append_column("occluded_edges", pa.ListArray.from_arrays(offsets, masks))
     if outlines is None or outlines["corners"] is None:
         return rows
-    lines = _core.hidden_lines(views.row, outlines) @ _tables.LINES
-    return rows.append_column("hidden_lines", pa.ListArray.from_arrays(offsets, pa.array(lines.astype(np.int16))))
+    lines = _core.occluded_lines(views.row, outlines) @ _tables.LINES
+    return rows.append_column("occluded_lines", pa.ListArray.from_arrays(offsets, pa.array(lines.astype(np.int16))))

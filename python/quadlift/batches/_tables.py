@@ -27,7 +27,7 @@ ORIENTED_BOX = tuple(f"oriented_box_{name}" for name in ("x", "y", "width", "hei
 SHAPES = ("outline", *ORIENTED_BOX)
 """Columns of outlines and turned boxes, as in these tables."""
 LINES = 2 ** np.arange(8)
-"""Bits of the supporting lines in a column `hidden_lines`."""
+"""Bits of the supporting lines in a column `occluded_lines`."""
 
 
 def table(rows: Any, name: str) -> Any:
@@ -175,7 +175,7 @@ class Views:
             "corners": None,
             "offsets": None,
             "oriented_boxes": np.column_stack(turned) if turned else None,
-            "hidden_lines": None,
+            "occluded_lines": None,
         }
         if "outline" in self:
             values = as_lists(self["outline"], "outline")
@@ -185,9 +185,9 @@ class Views:
                 raise QuadliftError(f"outline has a list of {counts[odd[0]]} numbers; expected x and y of each corner")
             found["corners"] = numbers(pc.list_flatten(values), "outline").reshape(-1, 2)
             found["offsets"] = np.concatenate([[0], np.cumsum(counts // 2)])
-        if "hidden_lines" in self:
-            hidden = np.nan_to_num(numbers(self["hidden_lines"], "hidden_lines")).astype(np.int64)
-            found["hidden_lines"] = (hidden[:, np.newaxis] & LINES) != 0
+        if "occluded_lines" in self:
+            hidden = np.nan_to_num(numbers(self["occluded_lines"], "occluded_lines")).astype(np.int64)
+            found["occluded_lines"] = (hidden[:, np.newaxis] & LINES) != 0
         return found
 
     def cues(self) -> _cues.CueArrays | None:

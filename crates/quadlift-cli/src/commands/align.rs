@@ -37,7 +37,7 @@ Examples:
   quadlift align sfm.json lidar.json --similarity --no-up
 
 Exit codes: 0 success; 1 a file cannot be read or written, or the maps were not aligned; 2 wrong usage; 3 the maps were not aligned because
-units or `up` contradict the objects, or the detections of the merged map contradict each other (--accept-inconsistent continues)."
+units or `up` contradict the objects, or the detections of the merged map contradict each other (--allow-inconsistent continues)."
 )]
 pub(crate) struct Args {
     /// The first map: a result of `quadlift localize` or `quadlift stream --map`, or a scene file with true objects
@@ -74,7 +74,7 @@ pub(crate) struct Args {
 
     /// Continue where the detections of the merged map contradict each other
     #[arg(long, requires = "output")]
-    accept_inconsistent: bool,
+    allow_inconsistent: bool,
 
     /// Number of threads [default: one per core]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
-use quadlift::association::{AssociateOptions, IdUse};
+use quadlift::association::{AssociateOptions, IdPolicy};
 use quadlift::run::identify;
 use quadlift_io::association::{AssociationRecord, write_objects};
 use quadlift_io::diagnosis::DiagnosisRecord;
@@ -64,7 +64,7 @@ pub(crate) struct Args {
 
     /// How far to trust existing ids: trust (keep them), evidence (they may be wrong) or ignore
     #[arg(long, value_name = "IDS", default_value = "evidence", value_parser = ids_by_name(), hide_possible_values = true)]
-    ids: IdUse,
+    ids: IdPolicy,
 
     /// Search from several starts: takes about four times as long, better with few views
     #[arg(long)]
@@ -102,8 +102,8 @@ pub(crate) struct Args {
 }
 
 /// Reads a use of ids by its name.
-fn ids_by_name() -> impl TypedValueParser<Value = IdUse> {
-    PossibleValuesParser::new(IdUse::NAMES).try_map(|name| name.parse::<IdUse>())
+fn ids_by_name() -> impl TypedValueParser<Value = IdPolicy> {
+    PossibleValuesParser::new(IdPolicy::NAMES).try_map(|name| name.parse::<IdPolicy>())
 }
 
 pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
@@ -180,5 +180,5 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     document["output"] = args.output.display().to_string().into();
     document["diagnosis"] = json!(DiagnosisRecord::of(&check, &input.context));
     out.document(&document)?;
-    Ok(tell(&check, &input.context, of_run.localize.accept_inconsistent, &title, out))
+    Ok(tell(&check, &input.context, of_run.localize.allow_inconsistent, &title, out))
 }

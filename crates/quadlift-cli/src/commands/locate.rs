@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
 use quadlift::locate::{
-    CameraHeight, CommonMistake, Gravity, LandmarkMap, LocateOptions, LocateStatus, Located, LocatedImage,
+    CameraHeight, CommonMistake, Gravity, LandmarkMap, LocateOptions, LocateStatus, LocatedImage, Relocalization,
 };
 use quadlift::nalgebra::{Unit, Vector3};
 use quadlift::scene::SourceError;
@@ -98,7 +98,7 @@ pub(crate) struct Args {
 
     /// Keep the poses that were found although the images fit the map clearly better once a common mistake is corrected
     #[arg(long)]
-    accept_inconsistent: bool,
+    allow_inconsistent: bool,
 
     /// Number of threads [default: one per core]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
@@ -132,7 +132,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         found => found.with_context(|| args.query.display().to_string())?,
     };
     if frames.is_empty() {
-        bail!("{}: {}", args.query.display(), nothing_sought(scene.posed()));
+        bail!("{}: {}", args.query.display(), no_query_frames(scene.posed()));
     }
     let up = map_file.up.and_then(|up| Unit::try_new(Vector3::from(up), 1e-9));
     if up.is_none() && frames.iter().any(|frame| frame.up_in_camera.is_some()) {
@@ -150,10 +150,10 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         let located = landmarks.locate(&frame.query, &options_of(&frame));
         (frame, located)
     };
-    let mut found: Vec<(FrameQuery, Located)> = frames.into_par_iter().map(locate).collect();
+    let mut found: Vec<(FrameQuery, Relocalization)> = frames.into_par_iter().map(locate).collect();
     out.detail(&format!("{} located in {}", count(found.len(), "frame"), duration(start.elapsed())));
     let mistake = common_mistake(&landmarks, &found, options_of);
-    if mistake.is_some() && !args.accept_inconsistent {
+    if mistake.is_some() && !args.allow_inconsistent {
         let ok = found.iter_mut().map(|(_, located)| located).filter(|located| located.status == LocateStatus::Ok);
         ok.for_each(|located| located.status = LocateStatus::Inconsistent);
     }
@@ -182,7 +182,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     Ok(match mistake {
         Some(mistake) => {
             let text = format!("{}: {}", args.query.display(), common_mistake_in_words(&mistake));
-            if args.accept_inconsistent {
+            if args.allow_inconsistent {
                 out.warning(&text);
                 Outcome::Fine
             } else {
@@ -198,11 +198,11 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
 /// A mistake that all frames have in common. Frames without enough boxes say nothing.
 fn common_mistake<'a>(
     map: &LandmarkMap,
-    found: &'a [(FrameQuery, Located)],
+    found: &'a [(FrameQuery, Relocalization)],
     options_of: impl Fn(&FrameQuery) -> LocateOptions,
 ) -> Option<CommonMistake> {
     let sought = found.iter().filter(|(_, located)| located.status != LocateStatus::TooFewObjects);
-    let image = |(frame, located): &'a (FrameQuery, Located)| LocatedImage {
+    let image = |(frame, located): &'a (FrameQuery, Relocalization)| LocatedImage {
         query: &frame.query,
         options: options_of(frame),
         located,
@@ -260,7 +260,7 @@ fn no_objects(map: &ObjectLandmarks) -> String {
     }
 }
 
-fn nothing_sought(posed: usize) -> String {
+fn no_query_frames(posed: usize) -> String {
     match posed {
         0 => "there are no frames".to_owned(),
         n => format!("all {} have a pose (--all locates those with a camera again)", count(n, "frame")),
@@ -272,7 +272,7 @@ fn in_words(posed: usize) -> String {
 }
 
 /// Names categories of the images that are not in the map.
-fn warn_of_categories(map: &ObjectLandmarks, found: &[(FrameQuery, Located)], out: &Output) {
+fn warn_of_categories(map: &ObjectLandmarks, found: &[(FrameQuery, Relocalization)], out: &Output) {
     if map.landmarks.iter().any(|landmark| landmark.category.is_none()) {
         return;
     }
@@ -285,7 +285,7 @@ fn warn_of_categories(map: &ObjectLandmarks, found: &[(FrameQuery, Located)], ou
     }
 }
 
-fn table(ids: &[String], found: &[(FrameQuery, Located)], unit: Option<&str>) -> String {
+fn table(ids: &[String], found: &[(FrameQuery, Relocalization)], unit: Option<&str>) -> String {
     let position = with_unit("position", unit);
     let mut table = Table::new(["<frame", "<status", "objects", &position, "rotation [deg]", "evidence"]);
     for (id, (frame, located)) in ids.iter().zip(found).take(MOST_ROWS) {
@@ -311,11 +311,11 @@ fn table(ids: &[String], found: &[(FrameQuery, Located)], unit: Option<&str>) ->
 fn document(
     args: &Args,
     ids: &[String],
-    found: &[(FrameQuery, Located)],
+    found: &[(FrameQuery, Relocalization)],
     map: &ObjectLandmarks,
     options: &LocateOptions,
 ) -> Value {
-    let frame = |(id, (frame, located)): (&String, &(FrameQuery, Located))| {
+    let frame = |(id, (frame, located)): (&String, &(FrameQuery, Relocalization))| {
         let mut record = location_record(frame, located, map);
         record["frame"] = id.as_str().into();
         record["boxes"] = frame.query.boxes.len().into();

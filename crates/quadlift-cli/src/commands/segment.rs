@@ -180,7 +180,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         "corrections": notes,
         "diagnosis": DiagnosisRecord::of(&check, &input.context),
     }))?;
-    let outcome = tell(&check, &input.context, of_run.localize.accept_inconsistent, &title, out);
+    let outcome = tell(&check, &input.context, of_run.localize.allow_inconsistent, &title, out);
     Ok(if problems.is_empty() { outcome } else { Outcome::SomethingFailed })
 }
 
@@ -216,7 +216,7 @@ struct Summary {
     object: Option<String>,
     detections: usize,
     ok: usize,
-    fell_back: usize,
+    fallback: usize,
     failed: usize,
     cut: usize,
     touching: usize,
@@ -234,12 +234,12 @@ impl Summary {
                 summary.failed += 1;
                 continue;
             };
-            if found.fell_back.is_some() {
-                summary.fell_back += 1;
+            if found.fallback.is_some() {
+                summary.fallback += 1;
                 continue;
             }
             summary.ok += 1;
-            summary.cut += usize::from(found.contacts.cut_by_border());
+            summary.cut += usize::from(found.contacts.truncated_by_border());
             summary.touching += usize::from(found.contacts.touches_another());
             confidences.extend(found.confidence);
         }
@@ -253,10 +253,10 @@ impl Summary {
             "object": self.object,
             "detections": self.detections,
             "ok": self.ok,
-            "fell_back": self.fell_back,
+            "fallback": self.fallback,
             "failed": self.failed,
-            "cut_by_border": self.cut,
-            "touches_others": self.touching,
+            "truncated_by_border": self.cut,
+            "touches_other_masks": self.touching,
             "confidence": self.confidence,
         })
     }
@@ -267,7 +267,7 @@ impl Summary {
             Cell::from(self.object.as_deref().map_or("(no object id)", |id| labels.of(id))),
             Cell::from(self.detections.to_string()),
             some(self.ok, GOOD),
-            some(self.fell_back, WARNING),
+            some(self.fallback, WARNING),
             some(self.failed, BAD),
             Cell::from(self.cut.to_string()),
             Cell::from(self.touching.to_string()),
@@ -300,11 +300,11 @@ fn report(args: &Args, scene: &Scene, segmentation: &Segmentation, notes: &[Stri
         corrected_in_words(notes),
         table.render() + &rest(summaries.len(), "object", "--json lists all")
     );
-    let fell_back = total(|s| s.fell_back);
-    if fell_back > 0 {
+    let fallback = total(|s| s.fallback);
+    if fallback > 0 {
         text.push_str(&format!(
             "note: {} without a reliable mask: the ellipse in the box is used\n",
-            count(fell_back, "detection")
+            count(fallback, "detection")
         ));
     }
     if let Some(alone) = summaries.iter().find(|s| s.object.is_none())

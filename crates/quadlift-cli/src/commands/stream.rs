@@ -151,7 +151,7 @@ impl Args {
         {
             return usage(format!("{option} is an option of logs in MCAP; the input is none"));
         }
-        Ok(McapOptions { keep_going: true, ..McapOptions::from(&self.log.given.options()) })
+        Ok(McapOptions { skip_errors: true, ..McapOptions::from(&self.log.given.options()) })
     }
 
     /// The options of the map.

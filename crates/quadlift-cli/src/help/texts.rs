@@ -68,7 +68,7 @@ pub(super) const USUAL: [&str; 25] = [
     "ids",
     "refine_poses",
     "fix",
-    "accept_inconsistent",
+    "allow_inconsistent",
     "assume",
     "up",
     "image_size",
@@ -100,7 +100,7 @@ pub(super) const HIDDEN: [&str; 25] = [
     "camera_frame",
     "max_gap",
     "rectified",
-    "keep_going",
+    "skip_errors",
     "write_images",
 ];
 
@@ -226,7 +226,7 @@ pub(super) const TEXTS: &[Text] = &[
     of("", "height", POSES, "HEIGHT,SD", "Set the height of the cameras"),
     // Corrections.
     of("", "fix", CORRECTIONS, "", "Apply the corrections that the check proposes"),
-    of("", "accept_inconsistent", CORRECTIONS, "", "Continue with an inconsistent scene"),
+    of("", "allow_inconsistent", CORRECTIONS, "", "Continue with an inconsistent scene"),
     of("", "assume", CORRECTIONS, "KEY=VALUE", "State what the inputs really are"),
     of("", "up", CORRECTIONS, "AXIS", "Set the world direction against gravity"),
     // Other formats.
@@ -254,7 +254,7 @@ pub(super) const TEXTS: &[Text] = &[
     of("", "camera_frame", LOGS, "FRAME", "Choose the frame of the camera"),
     of("", "max_gap", LOGS, "SECONDS", "Limit the time between interpolated transforms"),
     of("", "rectified", LOGS, "", "State that boxes are of rectified images"),
-    of("", "keep_going", LOGS, "", "Leave out what cannot be read"),
+    of("", "skip_errors", LOGS, "", "Leave out what cannot be read"),
     of("", "write_images", LOGS, "DIR", "Write the images of the log"),
     // Synthetic scenes.
     of("", "objects", SCENE, "N", "Set the number of objects"),

@@ -230,7 +230,7 @@ fn occluded_and_truncated_detections_can_be_left_out() {
 }
 
 #[test]
-fn sizes_are_learnt_from_the_scene() {
+fn sizes_are_learned_from_the_scene() {
     let folder = Folder::new();
     folder.succeed("synth -q -o scene.json --objects 8 --views 4 --noise box:0.02");
     let mut scene = folder.json("scene.json");
@@ -244,21 +244,21 @@ fn sizes_are_learnt_from_the_scene() {
     assert_eq!(run.code, 0, "{}", run.stderr);
     let result = folder.json("out.json");
     assert_eq!(result["localization"]["settings"]["learn_sizes"], true);
-    let learnt = result["localization"]["learnt_sizes"].as_array().unwrap();
-    assert_eq!(learnt.len(), 2, "{learnt:?}");
-    let of = |category: &str| learnt.iter().find(|found| found["category"] == category).unwrap();
+    let learned = result["localization"]["learned_sizes"].as_array().unwrap();
+    assert_eq!(learned.len(), 2, "{learned:?}");
+    let of = |category: &str| learned.iter().find(|found| found["category"] == category).unwrap();
     assert_eq!((&of("stone")["objects"], &of("lamp")["objects"]), (&7.into(), &1.into()));
     assert!(of("lamp")["size"].is_null() && of("lamp")["well_determined"].as_f64().unwrap() <= 1.0);
     let text = format!("{}{}", run.stdout, run.stderr);
     assert!(text.contains("lamp: no size is learned from 1 object (ellipsoid)"), "{text}");
-    // A size that is given is not learnt.
+    // A size that is given is not learned.
     folder.write("priors.toml", "[stone]\nsize = [5.0, 4.0, 3.0]\nsize_sd = [2.0, 2.0, 2.0]\n");
     folder.succeed("localize scene.json --priors priors.toml --learn-sizes --body ellipsoid -o both.json");
     let both = folder.json("both.json");
-    let learnt = both["localization"]["learnt_sizes"].as_array().unwrap();
-    assert_eq!(learnt.len(), 1, "{learnt:?}");
+    let learned = both["localization"]["learned_sizes"].as_array().unwrap();
+    assert_eq!(learned.len(), 1, "{learned:?}");
     assert_eq!(
-        (&learnt[0]["category"], &both["localization"]["settings"]["priors"]),
+        (&learned[0]["category"], &both["localization"]["settings"]["priors"]),
         (&"lamp".into(), &"priors.toml".into())
     );
 }
@@ -273,7 +273,10 @@ fn refined_poses_are_in_the_result_beside_the_given_ones() {
         let result = folder.json("out.json");
         assert_eq!(result["localization"]["settings"]["refine_poses"], motion);
         assert!(result["localization"]["noise"]["pose_rotation"].as_f64().unwrap() > 1e-4);
-        assert_eq!(result["localization"]["noise"]["pose_memory"], if motion == "slow" { 100.0 } else { 0.0 });
+        assert_eq!(
+            result["localization"]["noise"]["pose_correlation_length"],
+            if motion == "slow" { 100.0 } else { 0.0 }
+        );
         let frames = result["frames"].as_array().unwrap();
         for (frame, given) in frames.iter().zip(scene["frames"].as_array().unwrap()) {
             assert_eq!(frame["given_cam_from_world"], given["cam_from_world"]);

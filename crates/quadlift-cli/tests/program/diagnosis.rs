@@ -34,7 +34,7 @@ fn mistakes_are_named_and_mended_by_their_options() {
         assert!(info.contains(words), "{name}: {info}");
 
         // Accepted, the scene is localized as it is.
-        let run = folder.run("localize wrong.json -o accepted.json --accept-inconsistent");
+        let run = folder.run("localize wrong.json -o accepted.json --allow-inconsistent");
         assert!(run.code != 3, "{name}: {}", run.stderr);
 
         // The option that is proposed mends it, and so does --fix.

@@ -77,7 +77,7 @@ fn points_of_a_colmap_model_are_shown_in_the_page() {
     }
     // In millimeters everything is a thousand times as large.
     folder.succeed("import yolo labels --into scene.json -o detected.json");
-    folder.succeed("localize detected.json -o meters.json --assume pose_unit=mm --accept-inconsistent");
+    folder.succeed("localize detected.json -o meters.json --assume pose_unit=mm --allow-inconsistent");
     let first = |name: &str| folder.json(name)["points"][0][0].as_f64().unwrap();
     assert!((first("meters.json") / first("scene.json") - 1e-3).abs() < 1e-12);
 

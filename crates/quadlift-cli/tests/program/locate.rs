@@ -223,7 +223,7 @@ fn images_of_another_size_do_not_fit_the_map() {
     let frames = |folder: &Folder| folder.json("located.json")["frames"].as_array().unwrap().clone();
     assert!(frames(&folder).iter().all(|frame| frame.get("cam_from_world").is_none()));
     assert!(frames(&folder).iter().all(|frame| frame["location"]["status"] != "ok"));
-    let run = folder.run("locate map.json query.json -o located.json --accept-inconsistent --json");
+    let run = folder.run("locate map.json query.json -o located.json --allow-inconsistent --json");
     let told: Value = serde_json::from_str(&run.stdout).unwrap();
     assert_eq!((run.code, &told["mistake"]["name"]), (0, &json!("image_size")));
 }

@@ -135,7 +135,7 @@ fn points_with_their_pixels_tell_errors_of_poses() {
     let frame = &scene["frames"][3];
     let lists = ["observed_points", "observed_pixels"].map(|name| frame[name].as_array().unwrap().len());
     assert!(lists[0] > 20 && lists[0] == lists[1], "{lists:?}");
-    let run = folder.run("localize scene.json --refine-poses -o out.json -v --accept-inconsistent");
+    let run = folder.run("localize scene.json --refine-poses -o out.json -v --allow-inconsistent");
     assert_eq!(run.code, 0, "{}", run.stderr);
     assert!(run.stderr.contains("poses: ") && run.stderr.contains("median error"), "{}", run.stderr);
     let found = folder.json("out.json");
@@ -153,7 +153,7 @@ fn points_with_their_pixels_tell_errors_of_poses() {
         }
     }
     folder.write_json("wrong.json", &wrong);
-    let run = folder.run("localize wrong.json --refine-poses --accept-inconsistent --json");
+    let run = folder.run("localize wrong.json --refine-poses --allow-inconsistent --json");
     assert!(run.stderr.contains("warning: points were not used for the poses: "), "{}", run.stderr);
     let document: Value = serde_json::from_str(&run.stdout).unwrap();
     assert!(document["scenes"][0]["pose_points"]["problem"].is_string(), "{document}");

@@ -296,12 +296,12 @@ fn what_the_segmentation_says_of_masks_is_heard() {
     folder.write_json("whole.json", &scene);
     assert!(noise("whole.json")["partial_ellipse"].is_null());
     for index in [0, 3, 11] {
-        scene["detections"][index]["segmentation"]["touches_others"] = json!(0.2);
+        scene["detections"][index]["segmentation"]["touches_other_masks"] = json!(0.2);
     }
     folder.write_json("partial.json", &scene);
     assert!(noise("partial.json")["partial_ellipse"].is_number());
     for index in 0..16 {
-        scene["detections"][index]["segmentation"] = json!({"method": "sca", "status": "fell_back"});
+        scene["detections"][index]["segmentation"] = json!({"method": "sca", "status": "fallback"});
     }
     folder.write_json("fallen.json", &scene);
     let fallen = noise("fallen.json");

@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
-use quadlift::metrics::{DivisionScore, pairwise_clustering_scores};
+use quadlift::metrics::{ClusteringScore, pairwise_clustering_scores};
 use serde_json::{Value, json};
 
 use super::EvaluateError;
@@ -13,7 +13,7 @@ use crate::scene_file::{DetectionRecord, SceneFile};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Division {
     /// The score.
-    pub score: DivisionScore,
+    pub score: ClusteringScore,
     /// Detections that are in both files.
     pub compared: usize,
     /// Detections of the estimate that the truth lacks.

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use quadlift::geometry::{Ellipsoid, Projection};
 use quadlift::metrics::{
-    EstimatedObject, Evaluation, FoundScore, TruthObject, evaluate, evaluate_by_overlap, score_found,
+    EstimatedObject, Evaluation, ObjectDetectionScore, TruthObject, evaluate, evaluate_by_overlap, score_found,
 };
 use quadlift::solve::Status;
 
@@ -57,7 +57,7 @@ pub fn evaluate_objects(
     estimate: (&Path, &SceneFile),
     truth: (&Path, &SceneFile),
     matching: Matching,
-) -> Result<(Evaluation, FoundScore), EvaluateError> {
+) -> Result<(Evaluation, ObjectDetectionScore), EvaluateError> {
     let unfit = |why| Err(EvaluateError::Unfit(why));
     let objects = |(path, file): (&Path, &SceneFile)| file.to_objects().map_err(|error| error.in_file(path));
     let estimated: Vec<EstimatedObject> = objects(estimate)?.into_iter().map(estimated_object).collect();

@@ -1,6 +1,6 @@
 //! The scores: names, titles, and as JSON.
 
-use quadlift::metrics::{Evaluation, FoundScore, Mean, MeanScore, ObjectScore, PairedBy};
+use quadlift::metrics::{Evaluation, Mean, MeanScore, ObjectDetectionScore, ObjectScore, PairedBy};
 use serde_json::{Map, Value, json};
 
 use super::LEAST_IOU;
@@ -133,7 +133,7 @@ pub fn failures_in_words(evaluation: &Evaluation) -> String {
 }
 
 /// How many objects were found, as JSON.
-pub fn found_record(found: &FoundScore) -> Value {
+pub fn found_record(found: &ObjectDetectionScore) -> Value {
     json!({
         "least_iou3d": LEAST_IOU,
         "true_objects": found.true_objects,

@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use quadlift::geometry::CamFromWorld;
-use quadlift::locate::{LocateStatus, Located, LocatedPose};
+use quadlift::locate::{LocateStatus, LocatedPose, Relocalization};
 use serde_json::{Value, json};
 
 use super::landmarks::ObjectLandmarks;
@@ -24,7 +24,7 @@ const COVARIANCE_DIGITS: i32 = 9;
 /// How a frame was located, as JSON: `status`, and of the most probable pose `evidence`, `position_sd` and `rotation_sd` (root
 /// mean squares of the axes), `covariance`, `inliers` (detections by index, and their objects); then the `alternatives`, with
 /// their poses. Without a pose that can be trusted the most probable one is the first alternative.
-pub fn location_record(frame: &FrameQuery, located: &Located, map: &ObjectLandmarks) -> Value {
+pub fn location_record(frame: &FrameQuery, located: &Relocalization, map: &ObjectLandmarks) -> Value {
     let mut record = json!({ "status": located.status.name() });
     let mut others = &located.poses[..];
     if let (LocateStatus::Ok, [best, rest @ ..]) = (located.status, others) {
@@ -70,7 +70,7 @@ pub fn write_locations(
     file: &mut SceneFile,
     map_file: &SceneFile,
     map: &ObjectLandmarks,
-    found: &[(FrameQuery, Located)],
+    found: &[(FrameQuery, Relocalization)],
     posed_only: bool,
 ) {
     let mut located_frames = HashMap::new();

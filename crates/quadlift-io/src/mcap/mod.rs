@@ -65,7 +65,7 @@ pub struct McapOptions {
     /// Origin of the pixel coordinates of calibrations.
     pub pixel_centers: PixelCenters,
     /// Whether what cannot be used is left out; otherwise it is an error.
-    pub keep_going: bool,
+    pub skip_errors: bool,
     /// Whether topics of detections are not used, so that frames are made of the calibration messages.
     pub without_detections: bool,
     /// Folder into which compressed images are written.
@@ -82,7 +82,7 @@ impl Default for McapOptions {
             longest_gap: 1.0,
             rectified: false,
             pixel_centers: PixelCenters::Half,
-            keep_going: false,
+            skip_errors: false,
             without_detections: false,
             image_folder: None,
         }
@@ -104,7 +104,7 @@ pub const FORMAT: PoseFormat = Format {
         "camera_frame",
         "max_gap",
         "rectified",
-        "keep_going",
+        "skip_errors",
         "time_tolerance",
         "write_images",
         "pixel_centers",
@@ -129,7 +129,7 @@ impl From<&ReadOptions> for McapOptions {
             longest_gap: options.max_gap.unwrap_or(default.longest_gap),
             rectified: options.rectified,
             pixel_centers: options.pixel_centers,
-            keep_going: options.keep_going,
+            skip_errors: options.skip_errors,
             without_detections: options.detections.is_some(),
             image_folder: options.write_images.clone(),
         }
@@ -277,8 +277,8 @@ pub fn strict_error(path: &Path, problem: &Problem) -> ReadError {
     let error = ReadError::new(
         path,
         match &problem.topic {
-            Some(topic) => format!("{topic}: {}; --keep-going uses the rest", problem.text),
-            None => format!("{}; --keep-going uses the rest", problem.text),
+            Some(topic) => format!("{topic}: {}; --skip-errors uses the rest", problem.text),
+            None => format!("{}; --skip-errors uses the rest", problem.text),
         },
     );
     match &problem.place {
@@ -318,7 +318,7 @@ pub fn parse_mcap(path: &Path, bytes: Vec<u8>, options: McapOptions) -> Result<I
 }
 
 fn to_scene<S: Source>(path: &Path, log: McapLog<S>) -> Result<Import, ReadError> {
-    let (mut notes, about, keep_going) = (log.notes(), log.about(), log.options.keep_going);
+    let (mut notes, about, skip_errors) = (log.notes(), log.about(), log.options.skip_errors);
     let image_folder = log.options.image_folder.clone();
     let mut scene =
         SceneFile { length_unit: about.length_unit, up: about.up, cameras: about.cameras, ..SceneFile::default() };
@@ -327,7 +327,7 @@ fn to_scene<S: Source>(path: &Path, log: McapLog<S>) -> Result<Import, ReadError
     let (mut outside, mut first_outside) = (0, None);
     let mut known = std::collections::HashSet::new();
     let mut problem = |problem: Problem| {
-        if !keep_going {
+        if !skip_errors {
             return Err(strict_error(path, &problem));
         }
         problem_count += 1;

@@ -212,7 +212,7 @@ pub(super) fn scan<R: Read + Seek>(input: R, options: &McapOptions) -> Result<Ov
     while let Some(item) = reader.next_item()? {
         let message = match item {
             // Told by the second reading.
-            Item::Problem(problem) if options.keep_going => {
+            Item::Problem(problem) if options.skip_errors => {
                 drop(problem);
                 continue;
             }
@@ -244,7 +244,7 @@ pub(super) fn scan<R: Read + Seek>(input: R, options: &McapOptions) -> Result<Ov
 
 impl Scan {
     fn keep(&mut self, problem: Problem, options: &McapOptions) -> Result<(), ScanError> {
-        if !options.keep_going {
+        if !options.skip_errors {
             return Err(ScanError::Problem(problem));
         }
         if self.problems.len() < MOST_PROBLEMS {

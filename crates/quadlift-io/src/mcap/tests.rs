@@ -21,8 +21,8 @@ fn read(bytes: &[u8], options: McapOptions) -> Result<Import, ReadError> {
     parse_mcap(Path::new("log.mcap"), bytes.to_vec(), options)
 }
 
-fn keep_going() -> McapOptions {
-    McapOptions { keep_going: true, ..McapOptions::default() }
+fn skip_errors() -> McapOptions {
+    McapOptions { skip_errors: true, ..McapOptions::default() }
 }
 
 #[test]
@@ -123,19 +123,19 @@ fn damaged_parts_are_named_and_the_rest_is_used() {
     damaged[chunks[1] + 70] ^= 4;
     let message = refused(&damaged);
     assert!(message.starts_with(&format!("log.mcap: byte {}: the chunk ", chunks[1])), "{message}");
-    assert!(message.ends_with("it is left out; --keep-going uses the rest"), "{message}");
-    let found = read(&damaged, keep_going()).unwrap();
+    assert!(message.ends_with("it is left out; --skip-errors uses the rest"), "{message}");
+    let found = read(&damaged, skip_errors()).unwrap();
     assert_eq!((times(&found), found.problem_count), (vec![10.0, 12.0], 1));
     // A length that cannot be true: the index at the end knows where the next chunk is.
     let mut damaged = good.clone();
     damaged[chunks[1] + 7] = 1;
     let message = refused(&damaged);
     assert!(message.contains(&format!("reading goes on with the chunk at byte {}", chunks[2])), "{message}");
-    assert_eq!(times(&read(&damaged, keep_going()).unwrap()), [10.0, 12.0]);
+    assert_eq!(times(&read(&damaged, skip_errors()).unwrap()), [10.0, 12.0]);
     // Cut off in the third chunk, with the index.
     let cut = &good[..chunks[2] + 60];
     assert!(refused(cut).contains("was cut off or is damaged"), "{}", refused(cut));
-    assert_eq!(times(&read(cut, keep_going()).unwrap()), [10.0, 11.0]);
+    assert_eq!(times(&read(cut, skip_errors()).unwrap()), [10.0, 11.0]);
     // Cut off between two chunks.
     let cut = &good[..chunks[2]];
     assert!(refused(cut).contains("the file ends without an end record"), "{}", refused(cut));
@@ -175,7 +175,7 @@ fn what_cannot_be_decoded_is_named() {
     assert_eq!(
         refused(&encoding),
         "log.mcap: /boxes: its messages have the encoding \"xyz\" with a schema in \"ros2msg\", which is not supported; \
-         expected cdr (ros2msg or ros2idl), json or protobuf; --keep-going uses the rest"
+         expected cdr (ros2msg or ros2idl), json or protobuf; --skip-errors uses the rest"
     );
     let schema = replaced("vision_msgs/Detection2D[] detections", "vision_msgs/Detection2E[] detections");
     assert!(refused(&schema).contains("the schema does not define vision_msgs/Detection2E"), "{}", refused(&schema));

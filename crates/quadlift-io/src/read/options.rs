@@ -62,7 +62,7 @@ pub struct ReadOptions {
     /// Whether boxes were measured in the rectified image.
     pub rectified: bool,
     /// Whether what cannot be read is left out.
-    pub keep_going: bool,
+    pub skip_errors: bool,
     /// Folder for the images in a log.
     pub write_images: Option<PathBuf>,
     /// The detections that will take the place of those in the file, if there are any.
@@ -237,8 +237,8 @@ pub const READ: &[Read] = &[
         o.rectified = true;
         Ok(())
     }),
-    Read::new("keep_going", "", "Leave out what is damaged or cannot be read, and use the rest", |o, _| {
-        o.keep_going = true;
+    Read::new("skip_errors", "", "Leave out what is damaged or cannot be read, and use the rest", |o, _| {
+        o.skip_errors = true;
         Ok(())
     }),
     Read::new("write_images", "DIR", "Write the compressed images of the log into this folder", |o, text| {

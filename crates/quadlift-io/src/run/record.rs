@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use quadlift::Localization;
 use quadlift::cross_validation::{CrossValidation, Extent};
 use quadlift::scene::{Scene, SkippedDetections};
-use quadlift::solve::{CueScale, Estimate, LearntCategorySize, PosePointsProblem, PosePointsReport, ScaledQuantity};
+use quadlift::solve::{CueScale, Estimate, LearnedCategorySize, PosePointsProblem, PosePointsReport, ScaledQuantity};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -42,7 +42,7 @@ pub struct RunRecord {
     pub diagnosis: Option<DiagnosisRecord>,
     /// The sizes of categories that were learned from the scene.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub learnt_sizes: Vec<LearnedSizeRecord>,
+    pub learned_sizes: Vec<LearnedSizeRecord>,
     /// Number of objects with the status `ok`.
     pub localized: usize,
     /// The noise levels by name.
@@ -215,7 +215,7 @@ impl RunRecord {
             cross_validation: SceneCrossValidationRecord::of(&found.cross_validation),
             cue_scales: found.cue_scales.iter().map(|scale| CueScaleRecord::of(scale, scene)).collect(),
             diagnosis: Some(run.diagnosis()),
-            learnt_sizes: found.learnt_sizes.iter().map(|size| LearnedSizeRecord::of(size, scene)).collect(),
+            learned_sizes: found.learned_sizes.iter().map(|size| LearnedSizeRecord::of(size, scene)).collect(),
             localized: count_localized(&found.estimates),
             noise: found.noise_levels().map(|(name, level)| (name.to_owned(), level)).collect(),
             objects: Some(found.estimates.len()),
@@ -306,7 +306,7 @@ impl CueScaleRecord {
 }
 
 impl LearnedSizeRecord {
-    fn of(found: &LearntCategorySize, scene: &Scene) -> Self {
+    fn of(found: &LearnedCategorySize, scene: &Scene) -> Self {
         let axes = if found.named { SizeAxes::LengthWidthHeight } else { SizeAxes::ByLength };
         Self {
             axes: found.size.map(|_| axes),

@@ -201,7 +201,7 @@ impl DetectionRecord {
         let oriented_box = self.oriented_box.as_deref().map(OrientedBoxRecord::turned_box).transpose();
         let segmentation = self.segmentation.as_deref();
         // Without a reliable mask the ellipse has no more information than the box.
-        let of_box = bounding_box.is_some() && segmentation.is_some_and(SegmentationRecord::fell_back);
+        let of_box = bounding_box.is_some() && segmentation.is_some_and(SegmentationRecord::fallback);
         Ok(NewDetection {
             frame: &self.frame,
             object: self.object.as_deref(),

@@ -149,11 +149,11 @@ impl SceneFile {
         scene: &Scene,
         detections: &[usize],
     ) -> Vec<Result<Option<Mask>, ReadError>> {
-        let fell_back = |index: usize| {
-            self.detections[index].segmentation.as_ref().is_some_and(|segmentation| segmentation.fell_back())
+        let fallback = |index: usize| {
+            self.detections[index].segmentation.as_ref().is_some_and(|segmentation| segmentation.fallback())
         };
         let masks = images.read_masks(scene, detections);
-        masks.into_iter().zip(detections).map(|(mask, &k)| if fell_back(k) { Ok(None) } else { mask }).collect()
+        masks.into_iter().zip(detections).map(|(mask, &k)| if fallback(k) { Ok(None) } else { mask }).collect()
     }
 }
 

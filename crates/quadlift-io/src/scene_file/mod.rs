@@ -19,7 +19,7 @@ mod results;
 mod run;
 mod suggest;
 mod convert;
-mod support_lines;
+mod tangent_lines;
 mod unknown;
 mod read;
 mod write;

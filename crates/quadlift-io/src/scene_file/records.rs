@@ -343,10 +343,10 @@ impl OrientedBoxRecord {
 pub struct SegmentationRecord {
     /// `graphcut`, `sca` or `masks`.
     pub method: String,
-    /// `ok`; `fell_back`: no reliable mask, ellipse and mask are those of the box; `failed`: the detection is
+    /// `ok`; `fallback`: no reliable mask, ellipse and mask are those of the box; `failed`: the detection is
     /// unchanged.
     pub status: String,
-    /// The reason for `fell_back` and `failed`.
+    /// The reason for `fallback` and `failed`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
     /// From 0 (nothing is known beyond the box) to 1 (every pixel is certain); absent for given masks.
@@ -354,10 +354,10 @@ pub struct SegmentationRecord {
     pub confidence: Option<f64>,
     /// Fraction of the mask's outline at the image border, if any: the object may be truncated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub cut_by_border: Option<f64>,
+    pub truncated_by_border: Option<f64>,
     /// Fraction of the mask's outline at masks of other objects, if any: one may occlude a part of the other.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub touches_others: Option<f64>,
+    pub touches_other_masks: Option<f64>,
     /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
@@ -367,7 +367,7 @@ impl SegmentationRecord {
     /// Whether ellipse and mask may be of a part of the object, see [`Contacts::is_partial`].
     pub fn is_partial(&self) -> bool {
         let share = |share: Option<f64>| share.unwrap_or(0.0);
-        Contacts { border: share(self.cut_by_border), others: share(self.touches_others) }.is_partial()
+        Contacts { border: share(self.truncated_by_border), others: share(self.touches_other_masks) }.is_partial()
     }
 
     /// Whether the mask was found in the box of the detection; otherwise it was given.
@@ -376,8 +376,8 @@ impl SegmentationRecord {
     }
 
     /// Whether there is no reliable mask: ellipse and mask are those of the box.
-    pub fn fell_back(&self) -> bool {
-        self.status == "fell_back"
+    pub fn fallback(&self) -> bool {
+        self.status == "fallback"
     }
 }
 

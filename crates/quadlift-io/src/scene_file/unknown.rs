@@ -35,11 +35,11 @@ const RECORDS: [&str; 18] = [
 #[rustfmt::skip]
 const PLAIN: [&str; 70] = [
     "angle", "box", "cam_from_world", "camera", "category", "center", "center_sd", "confidence", "coordinates",
-    "counts", "cut_by_border", "deviations", "direction", "distance", "edge_error", "format", "frame", "half_extents", "half_height",
+    "counts", "truncated_by_border", "deviations", "direction", "distance", "edge_error", "format", "frame", "half_extents", "half_height",
     "height", "id", "image", "inlier", "iou", "length_unit", "log_odds", "matrix", "median", "method", "model", "name",
     "notes", "object", "observed_pixels", "observed_points", "occluded", "odd_view", "outline", "params", "path", "points", "polygons", "predicted_iou", "projection", "radii",
     "reason", "rejected_because", "relative", "residual_px", "rotation", "scale", "score", "semi_axes", "size", "source",
-    "status", "support_exponent", "time", "touches_others", "transform", "truncated", "up", "value", "version", "views",
+    "status", "support_exponent", "time", "touches_other_masks", "transform", "truncated", "up", "value", "version", "views",
     "views_rejected", "views_used", "visible_fraction", "warnings", "width",
 ];
 
@@ -225,7 +225,7 @@ mod tests {
             "ellipse": {"center": [1, 2], "semi_axes": [1, 1], "angle": 0.1},
             "mask": {"path": "m.png", "value": 3, "rle": {"size": [2, 2], "counts": [4]}, "polygons": [[1, 2, 3, 4, 5, 6]]},
             "segmentation": {
-                "method": "sca", "status": "ok", "reason": "e", "confidence": 1, "cut_by_border": 0.1, "touches_others": 0.1
+                "method": "sca", "status": "ok", "reason": "e", "confidence": 1, "truncated_by_border": 0.1, "touches_other_masks": 0.1
             },
             "occluded": 1, "truncated": 1, "visible_fraction": 0.5,
             "depth": {"median": 1.5, "sd": 0.1, "source": "a"},

@@ -115,7 +115,7 @@ pub struct Found {
     /// Confidence of the pixels; none for given masks.
     pub confidence: Option<f64>,
     /// Why the ellipse in the box is used, if it is.
-    pub fell_back: Option<Failure>,
+    pub fallback: Option<Failure>,
     /// Parts of the outline that do not belong to the object.
     pub contacts: Contacts,
 }
@@ -281,7 +281,7 @@ fn take_masks(scene: &Scene, images: &SceneImages, detections: &[usize], segment
                     Some(ellipse) => {
                         let contacts = Contacts::default();
                         segmentation.found[index] =
-                            Some(Found { mask, ellipse, confidence: None, fell_back: None, contacts });
+                            Some(Found { mask, ellipse, confidence: None, fallback: None, contacts });
                     }
                     None => {
                         let place = format!("{}: detections[{index}].mask", images.scene_file.display());
@@ -344,22 +344,22 @@ fn segment_crops(
 }
 
 fn found(view: ViewSegmentation) -> Found {
-    let fell_back = match view.status {
-        SegmentStatus::FellBack(failure) => Some(failure),
+    let fallback = match view.status {
+        SegmentStatus::Fallback(failure) => Some(failure),
         SegmentStatus::Ok => None,
     };
     let (mask, ellipse, contacts) = (view.mask, view.ellipse, Contacts::default());
-    Found { mask, ellipse, confidence: Some(view.confidence), fell_back, contacts }
+    Found { mask, ellipse, confidence: Some(view.confidence), fallback, contacts }
 }
 
 /// Finds where the masks of a frame touch each other and the border of the image.
 fn find_contacts(scene: &Scene, frame: usize, detections: &[usize], segmentation: &mut Segmentation) {
     let image = image_size(scene, frame, detections, segmentation).unwrap_or([u32::MAX; 2]);
-    let trusted = |found: &&Found| found.fell_back.is_none();
+    let trusted = |found: &&Found| found.fallback.is_none();
     let masks = detections.iter().filter_map(|&index| segmentation.found[index].as_ref().filter(trusted));
     let all = FrameMasks::new(masks.map(|found| &found.mask));
     for &index in detections {
-        if let Some(found) = segmentation.found[index].as_mut().filter(|found| found.fell_back.is_none()) {
+        if let Some(found) = segmentation.found[index].as_mut().filter(|found| found.fallback.is_none()) {
             found.contacts = all.contacts(&found.mask, image);
         }
     }

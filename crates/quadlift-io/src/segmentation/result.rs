@@ -78,16 +78,16 @@ pub fn add_to_scene(
 
 /// The ellipse of a detection and how it was found.
 fn describe(record: &mut DetectionRecord, found: &Found, method: Method) {
-    let status = if found.fell_back.is_some() { "fell_back" } else { "ok" };
+    let status = if found.fallback.is_some() { "fallback" } else { "ok" };
     record.ellipse = Some(Box::new(found.ellipse.into()));
     let share = |share: f64| (share > 0.0).then_some(share);
     record.segmentation = Some(Box::new(SegmentationRecord {
         method: method.name().to_owned(),
         status: status.to_owned(),
-        reason: found.fell_back.map(|failure| failure.name().to_owned()),
+        reason: found.fallback.map(|failure| failure.name().to_owned()),
         confidence: found.confidence,
-        cut_by_border: share(found.contacts.border),
-        touches_others: share(found.contacts.others),
+        truncated_by_border: share(found.contacts.border),
+        touches_other_masks: share(found.contacts.others),
         ..Default::default()
     }));
 }

@@ -64,11 +64,11 @@ pub fn options_of(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use quadlift::association::IdUse;
+    use quadlift::association::IdPolicy;
 
     #[test]
     fn options_are_read_as_they_were_written() {
-        let options = OnlineOptions { ids: IdUse::Trust, min_score: Some(0.1), max_views: 7, ..Default::default() };
+        let options = OnlineOptions { ids: IdPolicy::Trust, min_score: Some(0.1), max_views: 7, ..Default::default() };
         let noise = Some(PoseNoise { rotation_sd: 0.01, translation_sd: 0.2 });
         let text = StoredPriors::Text { text: "[cup]".to_owned() };
         for priors in [None, Some(StoredPriors::Name("builtin".to_owned())), Some(text)] {

@@ -1,4 +1,4 @@
-//! The model: all learnt parameters of an object's crops, and their initial values.
+//! The model: all learned parameters of an object's crops, and their initial values.
 
 use rand_chacha::ChaCha8Rng;
 

@@ -9,10 +9,10 @@
 //! 3. `search::em`, rounds: assign the boxes again (`search::assignment`), fit the bodies (`score::fit`), update the scene's
 //!    noise, sizes and clutter (`score::scene_statistics`, `search::frame_shift`), remove weak objects
 //!    (`score::evidence`), merge (`search::merge`), and add new ones (`search::births`).
-//! 4. `search::passes`: runs all of this twice, the second time with the learnt statistics; the result with more
+//! 4. `search::passes`: runs all of this twice, the second time with the learned statistics; the result with more
 //!    evidence is kept. A thorough search tries more starts.
 //!
-//! Scores of detections count once per object, and only against it. As evidence of each box (a likelihood ratio learnt from
+//! Scores of detections count once per object, and only against it. As evidence of each box (a likelihood ratio learned from
 //! assigned and unassigned boxes) they changed F1 on driving videos by less than 0.01 in either direction. So did priors on upright
 //! stance and a common ground plane (KITTI 0000, 0001, 0007, 0009: .997 .989 .920 .974 without, .997 .991 .923 .966 with
 //! upright cars, .997 .989 .921 .969 with cars on the ground). Only size priors enter the fits (.997 .988 .920 .981).
@@ -33,7 +33,7 @@ mod test_scenes;
 #[cfg(test)]
 mod tests;
 
-pub use options::{AssociateError, AssociateOptions, IdUse, Part};
+pub use options::{AssociateError, AssociateOptions, IdPolicy, Part};
 pub use result::{AssociatedObject, Association, Outcome};
 pub use warning::AssociationWarning;
 

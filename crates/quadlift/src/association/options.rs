@@ -6,7 +6,7 @@ use crate::solve::CategoryPriors;
 
 /// How far to trust object ids that detections already have (from a tracker or a labeller).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum IdUse {
+pub enum IdPolicy {
     /// Ids are correct and kept; only detections without an id are associated.
     Trust,
     /// Ids may be wrong (tracks break and swap objects) and count as evidence.
@@ -24,7 +24,7 @@ pub enum Part {
     Merge,
     /// The weaker of two overlapping bodies is removed.
     Nested,
-    /// The search runs twice, the second time with the learnt statistics.
+    /// The search runs twice, the second time with the learned statistics.
     SecondPass,
     /// A reason for doubtful objects.
     Warning(AssociationWarning),
@@ -36,8 +36,8 @@ pub struct AssociateOptions {
     /// Take the detections of this source only; needed when the scene has several.
     pub source: Option<String>,
     /// How far to trust the ids of the detections.
-    pub ids: IdUse,
-    /// Probability that an id is wrong, in (0, 1), for [`IdUse::Evidence`].
+    pub ids: IdPolicy,
+    /// Probability that an id is wrong, in (0, 1), for [`IdPolicy::Evidence`].
     pub wrong_id_share: f64,
     /// Objects with fewer views are not reported; at least 2.
     pub min_views: usize,
@@ -64,7 +64,7 @@ impl Default for AssociateOptions {
     fn default() -> Self {
         Self {
             source: None,
-            ids: IdUse::default(),
+            ids: IdPolicy::default(),
             wrong_id_share: 0.05,
             min_views: 3,
             min_score: None,

@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use super::implausible::doubts;
 use super::input::context::AssociationContext;
-use super::options::IdUse;
+use super::options::IdPolicy;
 use super::score::evidence::evidence;
 use super::score::object::Object;
 use super::search::state::State;
@@ -127,7 +127,7 @@ pub(crate) fn collect(scene: &Scene, detections: &[usize], context: &Association
         members.sort_unstable();
         found.push(Found { members, object: Some(object), doubt, trusted_id: object.trusted_id });
     }
-    if context.options.ids == IdUse::Trust {
+    if context.options.ids == IdPolicy::Trust {
         // Ids whose boxes no ellipsoid explains stay all the same.
         let explained: HashSet<u32> = state.objects.iter().filter_map(|o| o.trusted_id).collect();
         let mut others: HashMap<u32, Vec<usize>> = HashMap::new();
@@ -176,12 +176,12 @@ pub(crate) fn collect(scene: &Scene, detections: &[usize], context: &Association
 
 /// Ids of the objects: the most frequent id of an object's detections (for the object with most of them), or a new one
 /// that is not used in the scene.
-fn names(scene: &Scene, found: &[Found], ids: IdUse) -> Vec<String> {
+fn names(scene: &Scene, found: &[Found], ids: IdPolicy) -> Vec<String> {
     let mut claims: Vec<(usize, u32, usize)> = Vec::new();
     for (object, Found { members, trusted_id, .. }) in found.iter().enumerate() {
         if let Some(id) = *trusted_id {
             claims.push((usize::MAX, id, object));
-        } else if ids == IdUse::Evidence {
+        } else if ids == IdPolicy::Evidence {
             let mut counts: HashMap<u32, usize> = HashMap::new();
             for id in members.iter().filter_map(|&m| scene.detections[m].object_index) {
                 *counts.entry(id).or_default() += 1;

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use super::*;
 use crate::geometry::{BoundingBox, Ellipsoid, Projection};
-use crate::metrics::{DivisionScore, pairwise_clustering_scores, score_found};
+use crate::metrics::{ClusteringScore, pairwise_clustering_scores, score_found};
 use crate::scene::{NewDetection, SceneBuilder};
 use crate::synthetic::{
     Detector, Noise, Observations, SyntheticIds, SyntheticOptions, SyntheticScene, Trajectory, generate,
@@ -36,7 +36,7 @@ fn true_objects(synthetic: &SyntheticScene) -> Vec<Option<u32>> {
 }
 
 /// The score of the division of a synthetic scene.
-fn score(make: &SyntheticOptions, options: &AssociateOptions) -> (DivisionScore, SyntheticScene, Association) {
+fn score(make: &SyntheticOptions, options: &AssociateOptions) -> (ClusteringScore, SyntheticScene, Association) {
     let synthetic = generate(make).unwrap();
     let association = run(&synthetic.scene, options);
     (pairwise_clustering_scores(&true_objects(&synthetic), &association.object_of_detection), synthetic, association)
@@ -157,12 +157,12 @@ fn wrong_ids_are_evidence_and_right_ones_can_be_trusted() {
     let broken = SyntheticIds::Tracks { fragments: 0.1, switches: 0.1 };
     let make = SyntheticOptions { views: 40, objects: 25, ids: broken, ..base(6) };
     let with = |ids| AssociateOptions { ids, ..Default::default() };
-    let evidence = score(&make, &with(IdUse::Evidence)).0;
-    let trusted = score(&make, &with(IdUse::Trust)).0;
+    let evidence = score(&make, &with(IdPolicy::Evidence)).0;
+    let trusted = score(&make, &with(IdPolicy::Trust)).0;
     assert!(evidence.f1 >= 0.995 && trusted.f1 < 0.6, "{evidence:?} {trusted:?}");
     // True ids come back from both, and nothing is changed by trust.
     let perfect = SyntheticOptions { ids: SyntheticIds::True, ..make };
-    for ids in [IdUse::Trust, IdUse::Evidence] {
+    for ids in [IdPolicy::Trust, IdPolicy::Evidence] {
         let (division, synthetic, association) = score(&perfect, &with(ids));
         assert!(division.f1 >= 0.995, "{division:?}");
         let applied = association.applied_to(&synthetic.scene, None);
@@ -171,7 +171,7 @@ fn wrong_ids_are_evidence_and_right_ones_can_be_trusted() {
         };
         for index in 0..applied.detections.len() {
             let (before, after) = (id(&synthetic.scene, index), id(&applied, index));
-            if ids == IdUse::Trust && before.is_some() {
+            if ids == IdPolicy::Trust && before.is_some() {
                 assert_eq!(before, after);
             }
             // No object gets the id of another.
@@ -179,7 +179,7 @@ fn wrong_ids_are_evidence_and_right_ones_can_be_trusted() {
         }
     }
     // New names never collide with those of the input.
-    let ignored = score(&perfect, &with(IdUse::Ignore)).2;
+    let ignored = score(&perfect, &with(IdPolicy::Ignore)).2;
     assert!(ignored.objects.iter().all(|o| !synthetic_id(&o.id)), "{:?}", ignored.objects[0].id);
 }
 
@@ -205,7 +205,7 @@ fn trusted_ids_keep_theirs_and_draw_what_has_none() {
             detection.object_index = None;
         }
     }
-    let association = run(&synthetic.scene, &AssociateOptions { ids: IdUse::Trust, ..Default::default() });
+    let association = run(&synthetic.scene, &AssociateOptions { ids: IdPolicy::Trust, ..Default::default() });
     for (detection, found) in synthetic.scene.detections.iter().zip(&association.object_of_detection) {
         if let Some(id) = detection.object_index {
             let found = &association.objects[found.unwrap() as usize].id;

@@ -83,7 +83,7 @@ fn rewrite(
         let given = detection.bounding_box;
         detection.bounding_box = given.and_then(|b| box_of(&b, camera?, size));
         if detection.bounding_box != given {
-            detection.support_lines = None;
+            detection.tangent_lines = None;
         }
         detection.ellipse = detection.ellipse.and_then(|e| ellipse_of(&e, size));
         detection.is_measured()

@@ -9,7 +9,7 @@ use super::sample::{Sample, Seen};
 use crate::geometry::BoundingBox;
 use crate::optimize::median::median;
 
-/// Misses below this are as good as none: pixels are rounded, and a box's center is not quite the object's.
+/// Reprojection errors below this are as good as none: pixels are rounded, and a box's center is not quite the object's.
 const SMALLEST_MISS: f64 = 0.003;
 
 /// A box that misses by less than this many half sizes agrees with the others of its object.
@@ -23,7 +23,7 @@ const OUTLIER_SHARE: f64 = 0.3;
 
 /// The misses of all boxes of a sample, object by object.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Misses {
+pub(crate) struct ReprojectionErrors {
     /// In half sizes, from 0 to [`LARGEST_MISS`].
     values: Vec<f64>,
     /// Where each object's misses end.
@@ -34,7 +34,7 @@ pub(crate) struct Misses {
     costs: Vec<f64>,
 }
 
-impl Misses {
+impl ReprojectionErrors {
     fn new(values: Vec<f64>, ends: Vec<usize>) -> Self {
         let scale = scale_of(&values);
         let costs = values.iter().map(|miss| cost(*miss, scale)).collect();
@@ -102,7 +102,11 @@ const HOPELESS: [(f64, f64); 2] = [(0.05, 1.5), (0.25, 0.5)];
 
 /// The misses of a sample after a correction, or as it is; `None` if they are much worse than `given`, the misses of
 /// the sample as it is.
-pub(crate) fn misses(sample: &Sample, correction: Option<Correction>, given: Option<&Misses>) -> Option<Misses> {
+pub(crate) fn misses(
+    sample: &Sample,
+    correction: Option<Correction>,
+    given: Option<&ReprojectionErrors>,
+) -> Option<ReprojectionErrors> {
     let frames = correction.and_then(|correction| correction.frames(&sample.frame_ids));
     let total = sample.boxes();
     let (mut values, mut ends) = (Vec::with_capacity(total), Vec::with_capacity(sample.objects.len()));
@@ -128,7 +132,7 @@ pub(crate) fn misses(sample: &Sample, correction: Option<Correction>, given: Opt
             }
         }
     }
-    (!values.is_empty()).then(|| Misses::new(values, ends))
+    (!values.is_empty()).then(|| ReprojectionErrors::new(values, ends))
 }
 
 /// The point where most of the rays of boxes meet, as they are; `None` if they do not meet.
@@ -150,7 +154,7 @@ pub(crate) fn corrected_ray(
     let mut camera = sample.frames[frame].camera?;
     let image_size = sample.frames[given].image_size;
     let mut bounding_box = seen.bounding_box;
-    // Misses are in measured half sizes, so that a correction that enlarges boxes does not seem to improve the
+    // Reprojection errors are in measured half sizes, so that a correction that enlarges boxes does not seem to improve the
     // agreement.
     let mut half_size = bounding_box.mean_half_size();
     if let Some(correction) = correction {

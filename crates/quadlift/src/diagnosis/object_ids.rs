@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use super::agreement::Agreement;
 use super::cause::{Cause, CauseName};
 use super::trials::Tried;
-use crate::association::{AssociateOptions, IdUse};
+use crate::association::{AssociateOptions, IdPolicy};
 use crate::scene::{Detection, Scene};
 
 /// Mean fraction of an object's boxes with its most frequent id: persistent ids reach nearly one despite false boxes;
@@ -21,7 +21,7 @@ const BETTER: f64 = 0.5;
 
 /// The cause `ObjectIds`, if association without the ids shows that they switch between objects.
 pub(crate) fn mixed_ids(scene: &Scene, is_used: &impl Fn(&Detection) -> bool, before: Agreement) -> Option<Cause> {
-    let options = AssociateOptions { ids: IdUse::Ignore, ..Default::default() };
+    let options = AssociateOptions { ids: IdPolicy::Ignore, ..Default::default() };
     let mut used = scene.clone().into_parts();
     used.detections.retain(is_used);
     // They are of one source already.

@@ -24,7 +24,7 @@ const FEWEST_FOR_PAIRS: usize = 4;
 /// ...so many of them, at most.
 const MOST_PAIRS: usize = 20;
 
-/// Misses beyond this, in half sizes, are equally bad: the box shows something else.
+/// Reprojection errors beyond this, in half sizes, are equally bad: the box shows something else.
 pub(crate) const LARGEST_MISS: f64 = 3.0;
 
 /// A ray through the center of a box.

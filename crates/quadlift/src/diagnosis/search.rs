@@ -3,7 +3,7 @@
 use super::agreement::Improvement;
 use super::correction::Correction;
 use super::hypotheses::{FAMILIES, Family, discrete};
-use super::misses::{Misses, misses};
+use super::misses::{ReprojectionErrors, misses};
 use super::sample::Sample;
 use crate::parallel::map_indices;
 
@@ -28,7 +28,7 @@ pub(crate) struct Explanation {
 #[derive(Debug, Clone)]
 pub(crate) struct Search {
     /// The sample as it is.
-    pub given: Misses,
+    pub given: ReprojectionErrors,
     pub explanations: Vec<Explanation>,
 }
 

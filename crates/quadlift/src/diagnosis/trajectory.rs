@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix4, Vector2, Vector3, Vector4};
 
 use super::agreement::Improvement;
-use super::misses::{Misses, corrected_ray, misses};
+use super::misses::{ReprojectionErrors, corrected_ray, misses};
 use super::rays::{Ray, meeting_point};
 use super::sample::{Sample, Seen};
 use crate::geometry::linalg::solve_spd;
@@ -80,7 +80,7 @@ pub(crate) struct ScaleJump {
 ///
 /// The objects are located from the frames before the jump; the factor and the shift that align the rays of the later
 /// frames with them follow from a linear system.
-pub(crate) fn scale_jump(sample: &Sample, given: &Misses) -> Option<ScaleJump> {
+pub(crate) fn scale_jump(sample: &Sample, given: &ReprojectionErrors) -> Option<ScaleJump> {
     let mut used: Vec<u32> = sample.objects.iter().flatten().map(|seen| seen.frame).collect();
     used.sort_unstable();
     used.dedup();

@@ -7,7 +7,7 @@ use super::camera::Projection;
 use super::convex_body::ConvexBody;
 use super::ellipse::Ellipse;
 use super::ellipsoid::Ellipsoid;
-use super::support_lines::SupportLine;
+use super::tangent_lines::TangentLine;
 
 /// Why a body has no outline in an image.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -142,7 +142,7 @@ pub(crate) fn edge_plane(p: &Matrix3x4<f64>, bounding_box: &BoundingBox, edge: u
 
 /// The plane through the camera and a supporting line, positive on the side of the object, for a projection `p` of any
 /// frame.
-pub(crate) fn support_plane(p: &Matrix3x4<f64>, line: &SupportLine) -> Vector4<f64> {
+pub(crate) fn support_plane(p: &Matrix3x4<f64>, line: &TangentLine) -> Vector4<f64> {
     p.transpose() * Vector3::new(-line.normal.x, -line.normal.y, line.reach)
 }
 

@@ -7,7 +7,7 @@ use crate::scene::{Detection, View};
 pub enum MeasurementKind {
     /// All measurements of the detection. With box and ellipse, `map` uses the box for position and size and the
     /// ellipse for shape; `planes` uses the box; `lfd`, `pfd` and `reg` use the ellipse. With an outline or a turned box
-    /// ([`Detection::support_lines`]), `map` and `planes` use its supporting lines instead of the edges of the box.
+    /// ([`Detection::tangent_lines`]), `map` and `planes` use its supporting lines instead of the edges of the box.
     #[default]
     Auto,
     /// The box; detections without one are skipped.
@@ -17,7 +17,7 @@ pub enum MeasurementKind {
     /// Box and ellipse, as with `Auto`; detections without either of them are skipped.
     BoxAndEllipse,
     /// The supporting lines of mask, outline or turned box instead of the edges of the box, with `map` and `planes`; detections without
-    /// any ([`Detection::support_lines`]) are skipped.
+    /// any ([`Detection::tangent_lines`]) are skipped.
     Mask,
 }
 
@@ -29,14 +29,14 @@ impl MeasurementKind {
             Self::Box => detection.bounding_box.is_some(),
             Self::Ellipse => detection.ellipse.is_some(),
             Self::BoxAndEllipse => detection.bounding_box.is_some() && detection.ellipse.is_some(),
-            Self::Mask => detection.support_lines.as_deref().is_some_and(|lines| lines.bounding_box().is_some()),
+            Self::Mask => detection.tangent_lines.as_deref().is_some_and(|lines| lines.bounding_box().is_some()),
         }
     }
 
     /// Removes unused measurements from a view.
     pub(super) fn keep_only(self, view: &mut View) {
         if !matches!(self, Self::Auto | Self::Mask) {
-            view.support_lines = None;
+            view.tangent_lines = None;
         }
         match self {
             Self::Auto | Self::BoxAndEllipse => {}
@@ -44,7 +44,7 @@ impl MeasurementKind {
             Self::Ellipse => view.bounding_box = None,
             Self::Mask => {
                 view.ellipse = None;
-                view.bounding_box = view.support_lines.and_then(|lines| lines.bounding_box());
+                view.bounding_box = view.tangent_lines.and_then(|lines| lines.bounding_box());
             }
         }
     }

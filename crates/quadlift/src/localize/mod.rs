@@ -20,7 +20,7 @@ use crate::scene::{Detection, Scene, SkippedDetections, SourceError};
 use crate::solve::map::{MapContext, PosePoints, PoseUnknowns, map};
 use crate::solve::plausible::warn_of_implausible_sizes;
 use crate::solve::{
-    BORDER_MARGIN, CueScale, Estimate, Fold, FoldPrediction, LearntCategorySize, MapOptions, OptionError,
+    BORDER_MARGIN, CueScale, Estimate, Fold, FoldPrediction, LearnedCategorySize, MapOptions, OptionError,
     POSE_NOISE_NAMES, PoseNoise, PosePointsReport, RefinedPose, Sigmas, ViewReport, predict_fold, solve_closed_form,
 };
 use order::{FrameOrder, order_of_objects};
@@ -56,7 +56,7 @@ pub struct Localization {
     /// Root mean square corrections of the poses, where [`crate::solve::MapOptions::pose_noise`] asks for them.
     pub pose_noise: Option<PoseNoise>,
     /// Frames over which the errors of poses last, 0 if those of frames are independent; found by [`crate::solve::PoseMotion::Auto`].
-    pub pose_memory: Option<f64>,
+    pub pose_correlation_length: Option<f64>,
     /// Corrections of the poses of the frames that show objects or points, where [`crate::solve::MapOptions::refine_poses`] or
     /// [`crate::solve::MapOptions::pose_noise`] asks for them.
     pub refined_poses: Vec<RefinedPose>,
@@ -65,13 +65,13 @@ pub struct Localization {
     /// Scales of the sources of depths and 3D boxes, if there are any and noise levels are not given.
     pub cue_scales: Vec<CueScale>,
     /// Sizes of categories, where [`crate::solve::MapOptions::learn_sizes`] asks for them: one for each category and kind of body.
-    pub learnt_sizes: Vec<LearntCategorySize>,
+    pub learned_sizes: Vec<LearnedCategorySize>,
     /// The fitted kind of body, given or selected.
     pub body: Option<BodyKind>,
     /// Cross-validation: how well left-out views are predicted.
     pub cross_validation: CrossValidation,
     /// The self-check, with refined poses where these agree with the boxes. If the scene is inconsistent, objects have the
-    /// status [`crate::solve::Status::Inconsistent`] instead of [`crate::solve::Status::Ok`], unless [`LocalizeOptions::accept_inconsistent`] is set.
+    /// status [`crate::solve::Status::Inconsistent`] instead of [`crate::solve::Status::Ok`], unless [`LocalizeOptions::allow_inconsistent`] is set.
     pub diagnosis: Diagnosis,
 }
 
@@ -80,7 +80,7 @@ impl Localization {
     pub fn noise_levels(&self) -> impl Iterator<Item = (&'static str, f64)> {
         let of_poses = self
             .pose_noise
-            .zip(self.pose_memory)
+            .zip(self.pose_correlation_length)
             .map(|(poses, memory)| POSE_NOISE_NAMES.into_iter().zip([poses.rotation_sd, poses.translation_sd, memory]));
         self.noise.levels().chain(of_poses.into_iter().flatten())
     }
@@ -143,7 +143,7 @@ type Solved = (Localization, Vec<Fold>, Vec<FoldPrediction>);
 
 /// Which views are left out.
 fn folds_of(estimates: &[Estimate], options: &LocalizeOptions) -> Vec<Fold> {
-    choose_folds(estimates, &options.cross_validation, options.method.fewest_views())
+    choose_folds(estimates, &options.cross_validation, options.method.min_views())
 }
 
 /// By the default estimator.
@@ -182,11 +182,11 @@ fn refined(
         estimates: estimates.into_iter().map(|(_, estimate)| estimate).collect(),
         noise: solution.noise,
         pose_noise: solution.pose_noise,
-        pose_memory: solution.pose_memory,
+        pose_correlation_length: solution.pose_correlation_length,
         refined_poses: solution.refined_poses,
         pose_points: solution.pose_points,
         cue_scales: solution.cue_scales,
-        learnt_sizes: solution.learnt_sizes,
+        learned_sizes: solution.learned_sizes,
         body: solution.body,
         ..Localization::default()
     };

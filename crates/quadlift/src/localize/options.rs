@@ -33,7 +33,7 @@ pub struct LocalizeOptions {
     pub enclosing_quantile: f64,
     /// Accept a scene that is inconsistent (see [`crate::diagnosis`]); otherwise none of its objects is
     /// [`crate::solve::Status::Ok`].
-    pub accept_inconsistent: bool,
+    pub allow_inconsistent: bool,
     /// Sizes of categories: an object that is much longer or shorter than its category gets a warning
     /// ([`crate::solve::Warning::ImplausibleSize`]). Estimates do not depend on them, in contrast to the priors of
     /// [`MapOptions`].
@@ -54,7 +54,7 @@ impl Default for LocalizeOptions {
             max_truncated: None,
             measurements: MeasurementKind::default(),
             enclosing_quantile: ENCLOSING_QUANTILE,
-            accept_inconsistent: false,
+            allow_inconsistent: false,
             plausible_sizes: CategoryPriors::default(),
             seed: 0,
             cross_validation: CrossValidationOptions::default(),

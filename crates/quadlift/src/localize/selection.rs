@@ -32,8 +32,8 @@ impl<'a> Selection<'a> {
         }
         selection.groups = groups;
         // The closed forms do not use them.
-        let uses_hidden_edges = options.method.map_options().is_some_and(|map| map.hidden_edges);
-        selection.hidden = scene.hidden_edges(|d| uses_hidden_edges && selection.is_of_source(d));
+        let uses_hidden_edges = options.method.map_options().is_some_and(|map| map.occluded_edges);
+        selection.hidden = scene.occluded_edges(|d| uses_hidden_edges && selection.is_of_source(d));
         selection.count();
         Ok(selection)
     }
@@ -87,7 +87,7 @@ impl<'a> Selection<'a> {
         let group = &self.groups[self.objects[k]];
         let mut object = self.scene.object_views(self.objects[k], group);
         for (view, &detection) in object.views.iter_mut().zip(group) {
-            view.hidden_edges = self.hidden[detection as usize];
+            view.occluded_edges = self.hidden[detection as usize];
         }
         object.views.iter_mut().for_each(|view| self.options.measurements.keep_only(view));
         // The closed forms use the border as it is; the refinement accounts for detector errors near it.
@@ -95,7 +95,7 @@ impl<'a> Selection<'a> {
             object.views.iter_mut().for_each(|view| *view = view.within_margin(map_options.border_margin));
         }
         // With a cue, or with a size and the ground, one view is enough for the refinement.
-        let least = if map_options.is_some() { 1 } else { self.options.method.fewest_views() };
+        let least = if map_options.is_some() { 1 } else { self.options.method.min_views() };
         if object.views.len() < self.options.min_views.max(least) {
             // Too few views: the solvers return a status.
             object.views.clear();

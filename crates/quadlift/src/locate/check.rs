@@ -3,7 +3,7 @@
 //! A focal length or an image size that is wrong moves all boxes alike, and poses follow: an image alone looks nearly right, from a wrong
 //! place.
 
-use super::{LandmarkMap, LocateOptions, LocateStatus, Located, Query, QueryBox};
+use super::{LandmarkMap, LocateOptions, LocateStatus, Query, QueryBox, Relocalization};
 use crate::diagnosis::{BoxFormat, Correction};
 use crate::parallel::map_indices;
 
@@ -42,7 +42,7 @@ pub struct LocatedImage<'a> {
     /// The options with which it was located.
     pub options: LocateOptions,
     /// What [`LandmarkMap::locate`] found.
-    pub located: &'a Located,
+    pub located: &'a Relocalization,
 }
 
 /// A mistake that explains all images clearly better once it is corrected.

@@ -193,7 +193,7 @@ impl LocatedPose {
 
 /// Where the camera of an image is.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Located {
+pub struct Relocalization {
     /// Whether the first pose can be trusted.
     pub status: LocateStatus,
     /// Poses that explain the image, the best first; with [`LocateStatus::Ok`] the others are less probable than 1 in 100.
@@ -257,8 +257,8 @@ impl LandmarkMap {
     }
 
     /// The pose of the camera of an image. The same input gives the same answer.
-    pub fn locate(&self, query: &Query, options: &LocateOptions) -> Located {
-        let nowhere = |status| Located { status, poses: Vec::new() };
+    pub fn locate(&self, query: &Query, options: &LocateOptions) -> Relocalization {
+        let nowhere = |status| Relocalization { status, poses: Vec::new() };
         let prepared = PreparedQuery::new(self, query, options);
         let needed = if options.gravity.is_some() { 2 } else { 3 };
         if prepared.boxes_with_candidates() < needed {
@@ -293,13 +293,15 @@ impl LandmarkMap {
         poses.truncate(MOST_POSES);
         match &poses[..] {
             [] => nowhere(LocateStatus::NoPose),
-            [best, ..] if best.evidence < CLEAR => Located { status: LocateStatus::NoPose, poses },
+            [best, ..] if best.evidence < CLEAR => Relocalization { status: LocateStatus::NoPose, poses },
             [best, second, ..] if best.evidence - second.evidence < CLEAR => {
-                Located { status: LocateStatus::Ambiguous, poses }
+                Relocalization { status: LocateStatus::Ambiguous, poses }
             }
             // A better one may be among those that were not examined.
-            [best, ..] if !searched && !explains_most(best) => Located { status: LocateStatus::Ambiguous, poses },
-            _ => Located { status: LocateStatus::Ok, poses },
+            [best, ..] if !searched && !explains_most(best) => {
+                Relocalization { status: LocateStatus::Ambiguous, poses }
+            }
+            _ => Relocalization { status: LocateStatus::Ok, poses },
         }
     }
 }

@@ -46,7 +46,7 @@ fn is_near(query: &PreparedQuery, query_box: usize, predicted: &Predicted) -> bo
 }
 
 /// Which edges of a landmark a nearer one hides: those that the outline touches inside of the other's outline.
-fn hidden_edges(predicted: &[Option<Predicted>], of: &Predicted) -> [bool; 4] {
+fn occluded_edges(predicted: &[Option<Predicted>], of: &Predicted) -> [bool; 4] {
     std::array::from_fn(|edge| {
         let at = of.touches(edge);
         predicted.iter().flatten().any(|other| other.center.z < of.center.z && other.covers(&at))
@@ -61,7 +61,7 @@ fn matches(query: &PreparedQuery, pose: &Pose, predicted: &[Option<Predicted>]) 
         for &landmark in alike {
             let Some(prediction) = predicted[landmark].as_ref().filter(|p| is_near(query, index, p)) else { continue };
             let mut of = Match::new(query, index, landmark);
-            let hidden = hidden_edges(predicted, prediction);
+            let hidden = occluded_edges(predicted, prediction);
             of.one_sided.iter_mut().zip(hidden).for_each(|(one_sided, hidden)| *one_sided |= hidden);
             let gain = gain(query, pose, prediction, &of, 1.0);
             if gain > 0.0 {

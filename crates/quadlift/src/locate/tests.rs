@@ -8,7 +8,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use super::{
-    CameraHeight, Gravity, Landmark, LandmarkMap, LocateOptions, LocateStatus, Located, LocatedImage, Query, QueryBox,
+    CameraHeight, Gravity, Landmark, LandmarkMap, LocateOptions, LocateStatus, LocatedImage, Query, QueryBox,
+    Relocalization,
 };
 use crate::diagnosis::Correction;
 use crate::geometry::rigid::Pose;
@@ -125,7 +126,7 @@ fn rooms_are_found_again() {
     }
 }
 
-fn locate(landmarks: Vec<Landmark>, query: &Query) -> Located {
+fn locate(landmarks: Vec<Landmark>, query: &Query) -> Relocalization {
     LandmarkMap::new(landmarks).locate(query, &LocateOptions::default())
 }
 
@@ -328,7 +329,7 @@ fn mistakes_of_all_images_are_found_and_right_images_have_none() {
         };
         let images: Vec<Query> = (0..2).map(|_| wrong()).collect();
         let options = LocateOptions::default();
-        let all: Vec<Located> = images.iter().map(|query| map.locate(query, &options)).collect();
+        let all: Vec<Relocalization> = images.iter().map(|query| map.locate(query, &options)).collect();
         let image = |(query, located)| LocatedImage { query, options: options.clone(), located };
         map.common_mistake(&images.iter().zip(&all).map(image).collect::<Vec<_>>())
     };

@@ -7,7 +7,7 @@ use crate::geometry::Ellipsoid;
 
 /// Agreement of two divisions of the same detections.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct DivisionScore {
+pub struct ClusteringScore {
     /// Fraction of the assigned pairs of detections of true objects that are correct; 1 if there are none.
     pub precision: f64,
     /// Fraction of the true pairs of detections that were assigned to the same object; 1 if there are none.
@@ -25,7 +25,7 @@ pub struct DivisionScore {
 /// lists have the same detections in the same order; any numbers serve as names of objects.
 ///
 /// Detections without a true object only affect the adjusted Rand index.
-pub fn pairwise_clustering_scores(truth: &[Option<u32>], found: &[Option<u32>]) -> DivisionScore {
+pub fn pairwise_clustering_scores(truth: &[Option<u32>], found: &[Option<u32>]) -> ClusteringScore {
     let both = || truth.iter().copied().zip(found.iter().copied());
     let of_true_objects = || both().filter_map(|(t, f)| Some((t?, f)));
     let together = pairs_in_groups(of_true_objects().filter_map(|(t, f)| Some((t, f?))));
@@ -39,7 +39,7 @@ pub fn pairwise_clustering_scores(truth: &[Option<u32>], found: &[Option<u32>]) 
     let expected = if count > 1.0 { pairs_true * pairs_found / (0.5 * count * (count - 1.0)) } else { 0.0 };
     let most = 0.5 * (pairs_true + pairs_found);
     let adjusted_rand_index = if most > expected { (together - expected) / (most - expected) } else { 1.0 };
-    DivisionScore { precision, recall, f1, adjusted_rand_index, duplicates: duplicates(truth, found) }
+    ClusteringScore { precision, recall, f1, adjusted_rand_index, duplicates: duplicates(truth, found) }
 }
 
 /// Number of pairs of equal items.
@@ -73,7 +73,7 @@ fn duplicates(truth: &[Option<u32>], found: &[Option<u32>]) -> usize {
 
 /// How many true objects were found.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct FoundScore {
+pub struct ObjectDetectionScore {
     /// Number of true objects.
     pub true_objects: usize,
     /// Number of found objects.
@@ -84,7 +84,7 @@ pub struct FoundScore {
     pub mean_iou3d: Option<f64>,
 }
 
-impl FoundScore {
+impl ObjectDetectionScore {
     /// Fraction of the found objects that are correct; absent if nothing was found.
     pub fn precision(&self) -> Option<f64> {
         (self.found > 0).then(|| self.matched as f64 / self.found as f64)
@@ -99,11 +99,11 @@ impl FoundScore {
 /// How many true objects were found: found and true bodies are paired one to one (see [`pair_by_overlap`]), and a pair
 /// counts with a volume IoU (O3D) of at least `least_iou`. A found object without a body counts as found and is never
 /// paired.
-pub fn score_found(found: &[Option<Ellipsoid>], truth: &[Ellipsoid], least_iou: f64) -> FoundScore {
+pub fn score_found(found: &[Option<Ellipsoid>], truth: &[Ellipsoid], least_iou: f64) -> ObjectDetectionScore {
     let bodies: Vec<Option<Ellipsoid>> = truth.iter().copied().map(Some).collect();
     let pairs = pair_by_overlap(found, &bodies, least_iou);
     let total: f64 = pairs.iter().map(|pair| pair.iou3d).sum();
-    FoundScore {
+    ObjectDetectionScore {
         true_objects: truth.len(),
         found: found.len(),
         matched: pairs.len(),

@@ -18,7 +18,7 @@ mod evaluate;
 mod squared_errors;
 mod calibration;
 
-pub use association::{DivisionScore, FoundScore, pairwise_clustering_scores, score_found};
+pub use association::{ClusteringScore, ObjectDetectionScore, pairwise_clustering_scores, score_found};
 pub use axes::{axis_error, center_error, main_axis_angle, rotation_error_modulo_symmetry, sorted_axes_error};
 pub use calibration::{Calibration, RegionPart};
 pub use evaluate::{evaluate, evaluate_by_overlap};

@@ -11,7 +11,7 @@ use super::map::ObjectMap;
 use super::tracked::Tracked;
 use super::update::{Event, FrameUpdate};
 use super::views::{KeptView, RecentBox, RecentFrame, bounding_box};
-use crate::association::{AssociateOptions, AssociatedObject, Association, IdUse, Outcome};
+use crate::association::{AssociateOptions, AssociatedObject, Association, IdPolicy, Outcome};
 use crate::diagnosis::misses::AGREES;
 use crate::diagnosis::{Cause, CauseName, Diagnosis, diagnose_association, is_convincing};
 use crate::run::diagnose_source;
@@ -159,7 +159,7 @@ impl ObjectMap {
             let of_ids = diagnose_source(&scene, None);
             // Ids that are evidence may be wrong.
             let blames_ids = of_ids.causes.iter().all(|cause| cause.name == CauseName::ObjectIds);
-            if !of_ids.consistent && (self.options.ids == IdUse::Trust || !blames_ids) {
+            if !of_ids.consistent && (self.options.ids == IdPolicy::Trust || !blames_ids) {
                 return (of_ids, true);
             }
         }

@@ -1,7 +1,7 @@
 //! What contradicts itself is told once, and what does not is never told.
 
 use super::super::{Event, Frame, FrameUpdate, ObjectMap, OnlineOptions, PoseUpdate};
-use crate::association::IdUse;
+use crate::association::IdPolicy;
 use crate::diagnosis::{CauseName, Correction, Mistake};
 use crate::scene::{NewDetection, Scene};
 use crate::synthetic::{Detector, Noise, Observations, SyntheticIds, SyntheticOptions, Trajectory, generate};
@@ -102,7 +102,7 @@ fn a_mistake_that_begins_later_is_told_and_new_poses_mend_it() {
     for (k, frame) in parts.frames.iter_mut().enumerate().skip(70) {
         frame.projection = wrong.frames[k].projection;
     }
-    let options = OnlineOptions { ids: IdUse::Trust, ..Default::default() };
+    let options = OnlineOptions { ids: IdPolicy::Trust, ..Default::default() };
     let mut map = ObjectMap::new(options).unwrap();
     let found = told(&observe(&mut map, &Scene::from_parts(parts).unwrap(), 0..120));
     assert!(found.len() == 1 && found[0].0 >= 70, "{found:?}");

@@ -128,8 +128,8 @@ fn outlines_and_turned_boxes_give_the_lines_of_a_scene() {
         let is_it = |d: &&crate::scene::Detection| {
             expected.frames[d.frame_index as usize].id == frame.id && same(d.bounding_box.unwrap().edges())
         };
-        let given = expected.detections.iter().find(is_it).unwrap().support_lines.as_deref().unwrap();
-        let found = detection.support_lines.as_deref().unwrap();
+        let given = expected.detections.iter().find(is_it).unwrap().tangent_lines.as_deref().unwrap();
+        let found = detection.tangent_lines.as_deref().unwrap();
         assert_eq!(found.count(), given.count());
         for (a, b) in found.lines().zip(given.lines()) {
             assert!((a.reach - b.reach).abs() < 2e-3 && (a.normal - b.normal).norm() < 1e-6, "{a:?} {b:?}");

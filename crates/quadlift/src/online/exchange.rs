@@ -14,13 +14,13 @@ pub(super) const REACH: f64 = 12.0;
 
 /// A view is tried with the other object if its log likelihood ratio there is lower by at most this, nats. Tuned likewise: with 2,
 /// 4, 8, 16 F1 along the street is .966, .977, .978, .977 (reach 6).
-const NEARLY: f64 = 8.0;
+const MAX_LOG_LIKELIHOOD_LOSS: f64 = 8.0;
 
 impl ObjectMap {
     /// Gives views to another object, all that fit it nearly as well, where that increases the evidence of both together.
     ///
     /// Each of these views alone would stay, since the body has been fitted to all of them.
-    pub(super) fn try_to_give(&mut self, from: u32, to: u32, update: &mut FrameUpdate) {
+    pub(super) fn reassign_views(&mut self, from: u32, to: u32, update: &mut FrameUpdate) {
         let (Some(giver), Some(taker)) = (self.slot(from), self.slot(to)) else { return };
         let given = self.views_that_fit(giver, taker);
         if given.is_empty() || giver.views.len() - given.len() < 2 {
@@ -58,7 +58,7 @@ impl ObjectMap {
         let gain = |tracked: &Tracked, index| ratios.predicted_gain(&tracked.object, index).map(|ratio| ratio.value);
         let fits = |index: &usize| {
             let own = gain(giver, *index).unwrap_or(0.0);
-            gain(taker, *index).is_some_and(|other| other > (own - NEARLY).max(0.0))
+            gain(taker, *index).is_some_and(|other| other > (own - MAX_LOG_LIKELIHOOD_LOSS).max(0.0))
         };
         let is_new = |index: &usize| !taker.is_seen_in(giver.views[*index].keyframe);
         (0..giver.views.len()).filter(is_new).filter(fits).map(|index| giver.views[index].clone()).collect()

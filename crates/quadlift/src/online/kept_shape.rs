@@ -56,8 +56,8 @@ impl MapShape {
     /// Gives a detection, whose box is known, the supporting lines.
     pub(super) fn add_to(&self, detection: &mut scene::Detection, frame: &scene::Frame) {
         let (outline, has_box) = (self.outline(), self.has_box);
-        let hidden_lines = Some(std::array::from_fn(|k| self.hidden & (1 << k) != 0));
-        let shape = Shape { outline: outline.as_deref(), oriented_box: self.oriented_box(), hidden_lines };
+        let occluded_lines = Some(std::array::from_fn(|k| self.hidden & (1 << k) != 0));
+        let shape = Shape { outline: outline.as_deref(), oriented_box: self.oriented_box(), occluded_lines };
         // The box around an outline is no measurement beside it.
         let around = detection.bounding_box.filter(|_| !has_box);
         let in_image = detection.box_in_image;

@@ -49,15 +49,15 @@ impl ObjectMap {
         let (observations, statistics) = self.gather(sample.iter().flat_map(|t| &t.views));
         let objects: Vec<Object> =
             in_one_list(sample.iter().copied()).map(|(t, boxes)| Object { boxes, ..t.object.clone() }).collect();
-        let mut learnt = statistics;
-        learnt.learn_edge_sd(&observations, &objects);
-        learnt.learn_sizes(&self.running.given_sizes, objects.iter());
+        let mut learned = statistics;
+        learned.learn_edge_sd(&observations, &objects);
+        learned.learn_sizes(&self.running.given_sizes, objects.iter());
         if let Some(volume) = volume_of(&observations, &objects) {
-            learnt.volume = volume;
+            learned.volume = volume;
         }
-        learnt.objects = count as f64;
-        learnt.hidden.clear();
-        self.running.statistics = learnt;
+        learned.objects = count as f64;
+        learned.hidden.clear();
+        self.running.statistics = learned;
     }
 
     /// Selects the slack of edges as in batch: the largest that costs little evidence.

@@ -4,13 +4,13 @@ use super::map::ObjectMap;
 use super::tracked::Presence;
 use super::update::ObjectId;
 use crate::geometry::Ellipsoid;
-use crate::locate::{Landmark, LandmarkMap, LocateOptions, LocateStatus, Located, Query};
+use crate::locate::{Landmark, LandmarkMap, LocateOptions, LocateStatus, Query, Relocalization};
 
 /// Where the camera of an image is in a map.
 #[derive(Debug, Clone, PartialEq)]
-pub struct LocatedInMap {
+pub struct MapRelocalization {
     /// The poses; the landmarks of their matches are indices into `ids`.
-    pub located: Located,
+    pub located: Relocalization,
     /// Ids of the objects that can be seen.
     pub ids: Vec<ObjectId>,
 }
@@ -39,7 +39,7 @@ impl ObjectMap {
         (ids, LandmarkMap::new(landmarks))
     }
 
-    /// The options of [`ObjectMap::locate`] with the noise of boxes that the map has learnt.
+    /// The options of [`ObjectMap::locate`] with the noise of boxes that the map has learned.
     pub fn locate_options(&self) -> LocateOptions {
         LocateOptions { edge_sd: self.running.statistics.edge_sd, ..Default::default() }
     }
@@ -48,13 +48,13 @@ impl ObjectMap {
     /// that is not [consistent](ObjectMap::consistent) no pose is [`LocateStatus::Ok`].
     ///
     /// See docs/method.md, section 20.
-    pub fn locate(&self, query: &Query, options: &LocateOptions) -> LocatedInMap {
+    pub fn locate(&self, query: &Query, options: &LocateOptions) -> MapRelocalization {
         let (ids, map) = self.landmarks();
         let mut located = map.locate(query, options);
         if self.consistent() == Some(false) && located.status == LocateStatus::Ok {
             located.status = LocateStatus::Inconsistent;
         }
-        LocatedInMap { located, ids }
+        MapRelocalization { located, ids }
     }
 }
 

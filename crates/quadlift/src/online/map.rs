@@ -20,7 +20,7 @@ use crate::association::score::input_ids::IdTally;
 use crate::association::score::object::Object;
 use crate::association::score::scene_statistics::SceneStatistics;
 use crate::association::statistics::DetectionRate;
-use crate::association::{AssociateError, IdUse};
+use crate::association::{AssociateError, IdPolicy};
 use crate::diagnosis::Diagnosis;
 use crate::geometry::Ellipsoid;
 
@@ -138,8 +138,8 @@ impl ObjectMap {
         let running = Running::new(options.pixel_sd.unwrap_or(FIRST_PIXEL_SD));
         Ok(Self {
             tally: IdTally::new(match options.ids {
-                IdUse::Trust => options.wrong_id_share.min(TRUSTED_WRONG_SHARE),
-                IdUse::Evidence | IdUse::Ignore => options.wrong_id_share,
+                IdPolicy::Trust => options.wrong_id_share.min(TRUSTED_WRONG_SHARE),
+                IdPolicy::Evidence | IdPolicy::Ignore => options.wrong_id_share,
             }),
             options,
             next_key: 0,
@@ -296,7 +296,7 @@ impl ObjectMap {
 
     /// Whether ids of detections are evidence.
     pub(super) fn weighs_ids(&self) -> bool {
-        self.options.ids != IdUse::Ignore && self.input_ids.is_used()
+        self.options.ids != IdPolicy::Ignore && self.input_ids.is_used()
     }
 
     /// Updates the place of an object in the visibility index.

@@ -6,7 +6,7 @@ use super::current::Current;
 use super::map::ObjectMap;
 use super::tracked::Tracked;
 use super::update::{FrameUpdate, ObjectId};
-use super::views::{from_bits, least_telling, to_bits};
+use super::views::{from_bits, most_redundant_pair, to_bits};
 use crate::association::score::fit::Start;
 use crate::association::score::log_likelihood_ratio::{LogLikelihoodRatio, LogLikelihoodRatios};
 use crate::association::score::object::{Prediction, is_visible};
@@ -22,7 +22,7 @@ const LEAST_SHIFT: f64 = 0.25;
 
 /// Sum of the squared normalized residuals of a box's edges beyond which its object is refitted: 5 % of
 /// the boxes if errors are normal.
-const SURPRISE: f64 = 9.5;
+const REFIT_CHI2: f64 = 9.5;
 
 /// An object that should be visible in the frame.
 #[derive(Debug, Clone, Copy)]
@@ -151,7 +151,7 @@ impl ObjectMap {
         tracked.add_view(view.clone(), input_id);
         let views = tracked.object.views();
         let grown = views < ALWAYS_FITTED || views as f64 >= REFIT_GROWTH * tracked.fitted_views as f64;
-        if grown || self.surprise(&tracked, current, index) > SURPRISE {
+        if grown || self.surprise(&tracked, current, index) > REFIT_CHI2 {
             match self.fit_views(&tracked, &[Start::body(&tracked.object)]) {
                 Some(fitted) => tracked.replace_fit(fitted),
                 None => {
@@ -191,7 +191,7 @@ impl ObjectMap {
         let (most, keyframes, statistics) = (self.options.max_views, &mut self.keyframes, &self.running.statistics);
         let Some(tracked) = self.slots.get_mut(slot as usize).and_then(Option::as_deref_mut) else { return };
         while tracked.views.len() > most {
-            let (place, like_it) = least_telling(&tracked.views, keyframes, &tracked.object.center);
+            let (place, like_it) = most_redundant_pair(&tracked.views, keyframes, &tracked.object.center);
             let of = |place: usize| keyframes.get(tracked.views[place].keyframe);
             if let (Some(others), Some(own)) = (of(place), of(like_it)) {
                 let mut standing = tracked.views[like_it].clone();

@@ -57,7 +57,7 @@ mod tests;
 
 pub use input::{Frame, ObserveError};
 pub use kept_shape::MapShape;
-pub use locate::LocatedInMap;
+pub use locate::MapRelocalization;
 pub use map::{MapObject, ObjectMap};
 pub use options::{ONLINE, OnlineOptions};
 pub use poses::PoseUpdate;

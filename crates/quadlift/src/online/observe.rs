@@ -13,14 +13,14 @@ use super::map::ObjectMap;
 use super::update::{Event, FrameUpdate};
 use super::views::{KeptView, RecentBox, RecentFrame, to_bits};
 use super::{MAX_CATEGORIES, MAX_CUE_SOURCES, MAX_DETECTIONS};
-use crate::association::IdUse;
+use crate::association::IdPolicy;
 use crate::association::input::clutter::set_clutter;
 use crate::association::input::context::given_size;
 use crate::geometry::{BoundingBox, quaternion_from_rotation, rotation_from_quaternion};
 use crate::scene::{self, BORDER_TOLERANCE_PX, NewDetection, Outlines, check_outline, edges_at_border};
 
 /// Number of consecutive contradicting frames after which they are used: the world has changed.
-const BELIEVED_AFTER: u32 = 10;
+const MAX_CONTRADICTING_FRAMES: u32 = 10;
 
 impl ObjectMap {
     /// Observes a frame: returns the object of each detection and what has changed.
@@ -44,7 +44,7 @@ impl ObjectMap {
         } else {
             self.disagreeing = 0;
         }
-        let is_believed = disagrees.is_none() || self.disagreeing > BELIEVED_AFTER;
+        let is_believed = disagrees.is_none() || self.disagreeing > MAX_CONTRADICTING_FRAMES;
         if let (Some(place), true) = (place, is_believed) {
             self.repeat(place, &current, &matched, &mut update);
             self.keyframes.release(current.key);
@@ -253,7 +253,7 @@ impl ObjectMap {
 
     /// The number of an input id, where ids are used.
     fn input_id_number(&mut self, name: &str, key: u32) -> Option<u32> {
-        if self.options.ids == IdUse::Ignore {
+        if self.options.ids == IdPolicy::Ignore {
             return None;
         }
         let number = self.input_ids.number(name, key);
@@ -278,7 +278,7 @@ fn kept_shapes(frame: &Frame, detections: &[NewDetection]) -> Vec<Option<MapShap
     }
     outlines.hide(&mut seen);
     let kept = |(detection, seen): (&NewDetection, &scene::Detection)| {
-        let hidden = line_bits(seen.support_lines.as_deref()?.lines().map(|line| line.end.hidden));
+        let hidden = line_bits(seen.tangent_lines.as_deref()?.lines().map(|line| line.end.hidden));
         MapShape::of(&detection.shape(), &frame, hidden, has_box(detection))
     };
     detections.iter().zip(&seen).map(kept).collect()

@@ -1,6 +1,6 @@
 //! Options of the object map.
 
-use crate::association::{AssociateError, AssociateOptions, IdUse};
+use crate::association::{AssociateError, AssociateOptions, IdPolicy};
 use crate::options::Command::{Node, Python, Stream};
 use crate::options::{Kind, Range, Spec, Value};
 use crate::solve::CategoryPriors;
@@ -8,9 +8,9 @@ use crate::solve::CategoryPriors;
 /// Options of an [`super::ObjectMap`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct OnlineOptions {
-    /// How far to trust the ids of detections (of a tracker). [`IdUse::Trust`] makes them strong evidence, not certainty.
-    pub ids: IdUse,
-    /// Probability that an id is wrong, in (0, 1), for [`IdUse::Evidence`].
+    /// How far to trust the ids of detections (of a tracker). [`IdPolicy::Trust`] makes them strong evidence, not certainty.
+    pub ids: IdPolicy,
+    /// Probability that an id is wrong, in (0, 1), for [`IdPolicy::Evidence`].
     pub wrong_id_share: f64,
     /// Views that an object needs to be confirmed; at least 2.
     pub min_views: usize,
@@ -87,7 +87,7 @@ const ROW: Spec<OnlineOptions> = Spec {
 pub const ONLINE: &[Spec<OnlineOptions>] = &[
     Spec {
         name: "ids",
-        kind: Kind::Choice(&IdUse::NAMES),
+        kind: Kind::Choice(&IdPolicy::NAMES),
         help: "How far to trust the ids of detections (of a tracker): trust, evidence or ignore",
         get: |o| o.ids.name().into(),
         set: |o, value| {

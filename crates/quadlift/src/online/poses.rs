@@ -192,8 +192,8 @@ impl ObjectMap {
     /// Exchanges views between near objects, nearest first; at least one of a pair has moved.
     fn exchange(&mut self, touched: &BTreeSet<u32>, update: &mut FrameUpdate) {
         for (first, second) in self.near_pairs(touched, REACH) {
-            self.try_to_give(first, second, update);
-            self.try_to_give(second, first, update);
+            self.reassign_views(first, second, update);
+            self.reassign_views(second, first, update);
         }
     }
 

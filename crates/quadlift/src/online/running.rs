@@ -67,7 +67,7 @@ impl Running {
             extent: [1.0, 1.0],
             next_learning: 6,
             next_slack: 60,
-            statistics: SceneStatistics::unlearnt(pixel_sd),
+            statistics: SceneStatistics::unlearned(pixel_sd),
             given_sizes: Vec::new(),
         }
     }

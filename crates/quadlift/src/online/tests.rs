@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3x4, Matrix4, Rotation3, Vector3};
 
 use super::*;
-use crate::association::IdUse;
+use crate::association::IdPolicy;
 use crate::geometry::{BoundingBox, Projection};
 use crate::scene::{NewDetection, Scene};
 use crate::solve::Status;
@@ -352,13 +352,13 @@ fn ids_of_a_tracker_hold_a_crowd_together() {
         ..Default::default()
     })
     .unwrap();
-    let right = |ids: IdUse| {
+    let right = |ids: IdPolicy| {
         let mut map = ObjectMap::new(OnlineOptions { ids, ..Default::default() }).unwrap();
         observe(&mut map, &crowd.scene, 0..24);
         map.settle();
         found(&map, &crowd).iter().filter(|ids| ids.len() == 1).count()
     };
-    let (with, without) = (right(IdUse::Evidence), right(IdUse::Ignore));
+    let (with, without) = (right(IdPolicy::Evidence), right(IdPolicy::Ignore));
     assert!(with >= without && with >= 30, "{with} {without}");
 }
 

@@ -149,14 +149,14 @@ impl KeptView {
     }
 
     /// Number of edges that are neither cut off nor hidden.
-    fn telling_edges(&self) -> u32 {
+    fn num_visible_edges(&self) -> u32 {
         4 - (self.cut | self.hidden).count_ones()
     }
 }
 
 /// Indices of the least informative view and of the one most like it: of the two with the most similar directions and distances,
 /// the one with fewer useful edges goes, else the farther one.
-pub(super) fn least_telling(views: &[KeptView], keyframes: &Keyframes, center: &Vector3<f64>) -> (usize, usize) {
+pub(super) fn most_redundant_pair(views: &[KeptView], keyframes: &Keyframes, center: &Vector3<f64>) -> (usize, usize) {
     // Points on rays from the object to the cameras, at the logarithms of the distances.
     let places: Vec<(Vector3<f64>, f64)> = views
         .iter()
@@ -171,7 +171,7 @@ pub(super) fn least_telling(views: &[KeptView], keyframes: &Keyframes, center: &
         for b in a + 1..places.len() {
             let (d, l) = (places[a].0 - places[b].0, places[a].1 - places[b].1);
             // Views with few useful edges are forgotten earlier.
-            let worth = views[a].telling_edges().min(views[b].telling_edges());
+            let worth = views[a].num_visible_edges().min(views[b].num_visible_edges());
             let apart = (d.norm_squared() + 0.25 * l * l) * f64::from(1 + worth);
             if apart < closest {
                 (nearest, closest) = ((a, b), apart);
@@ -179,6 +179,6 @@ pub(super) fn least_telling(views: &[KeptView], keyframes: &Keyframes, center: &
         }
     }
     let (a, b) = nearest;
-    let rank = |k: usize| (views[k].telling_edges(), std::cmp::Reverse((places[k].1 * 1e6) as i64));
+    let rank = |k: usize| (views[k].num_visible_edges(), std::cmp::Reverse((places[k].1 * 1e6) as i64));
     if rank(a) < rank(b) { (a, b) } else { (b, a) }
 }

@@ -12,7 +12,7 @@ pub(crate) struct Stop {
     pub evaluations: usize,
     /// Stop when a step promises to lower the cost by less than this. The cost is a sum of whitened squares, so that
     /// a decrease well below one does not matter statistically.
-    pub promised_decrease: f64,
+    pub min_predicted_decrease: f64,
 }
 
 /// Why an iteration stopped.
@@ -44,7 +44,7 @@ pub(crate) struct Minimum<State> {
 const LARGEST_DAMPING: f64 = 1e6;
 
 /// Largest change of a parameter in one step (object sizes, radians, logarithms).
-const LONGEST_STEP: f64 = 1.5;
+const MAX_STEP: f64 = 1.5;
 
 /// Minimizes from `start`; returns the best state and the objective there, `None` when it cannot be evaluated at the
 /// start.
@@ -86,15 +86,15 @@ pub(crate) fn minimum<State: Clone>(
         };
         // The decrease that the quadratic model promises.
         let promised = -step.dot(&gradient) * 2.0 - (step.transpose() * hessian * step)[0];
-        if promised < stop.promised_decrease && damping < 1.0 {
+        if promised < stop.min_predicted_decrease && damping < 1.0 {
             break End::Converged;
         }
         if evaluations >= stop.evaluations {
             break End::UsedUp { promised };
         }
         let length = step.amax();
-        if length > LONGEST_STEP {
-            step *= LONGEST_STEP / length;
+        if length > MAX_STEP {
+            step *= MAX_STEP / length;
         }
         evaluations += 1;
         let candidate = retract(&state, &step).and_then(|s| Some((linearize(&s)?, s)));
@@ -138,7 +138,7 @@ mod tests {
         };
         let mut start = SVector::<f64, 9>::zeros();
         start[0] = -1.2;
-        let stop = Stop { evaluations: 200, promised_decrease: 1e-20 };
+        let stop = Stop { evaluations: 200, min_predicted_decrease: 1e-20 };
         let (x, end) = minimize(start, stop, linearize, |x, d| Some(x + d)).unwrap();
         assert!(end.cost < 1e-15, "{x} {}", end.cost);
         assert!((x[0] - 1.0).abs() < 1e-6 && (x[8] - 8.0).abs() < 1e-6);
@@ -163,7 +163,7 @@ mod tests {
             Some(n)
         };
         let retract = |x: &f64, d: &SVector<f64, 9>| Some(x + d[0]);
-        let stop = |evaluations| Stop { evaluations, promised_decrease: 1e-12 };
+        let stop = |evaluations| Stop { evaluations, min_predicted_decrease: 1e-12 };
         assert_eq!(minimum(1.0, stop(60), quartic, retract).unwrap().end, End::Converged);
         assert_eq!(minimum(0.0, stop(60), kink, retract).unwrap().end, End::NoLowerStep);
         let early = minimum(1.0, stop(2), quartic, retract).unwrap();
@@ -174,7 +174,7 @@ mod tests {
 
     #[test]
     fn a_start_that_is_not_allowed_is_refused() {
-        let stop = Stop { evaluations: 5, promised_decrease: 0.0 };
+        let stop = Stop { evaluations: 5, min_predicted_decrease: 0.0 };
         assert!(minimize(0.0, stop, |_| None, |x, _| Some(*x)).is_none());
     }
 }

@@ -2,7 +2,7 @@
 
 use super::input::Input;
 use super::pairs::pair_of_causes;
-use crate::association::{AssociateOptions, IdUse, associate};
+use crate::association::{AssociateOptions, IdPolicy, associate};
 use crate::diagnosis::{Agreement, Cause, Correction, Diagnosis, diagnose, diagnose_association};
 use crate::localize::Localization;
 use crate::scene::{Detection, Scene};
@@ -142,7 +142,7 @@ pub fn diagnose_unnamed(scene: &Scene, source: Option<&str>) -> Diagnosis {
     if 2 * unnamed <= used().count() || used().count() > MAX_ASSOCIATED {
         return Diagnosis::default();
     }
-    let options = AssociateOptions { source: source.map(str::to_owned), ids: IdUse::Trust, ..Default::default() };
+    let options = AssociateOptions { source: source.map(str::to_owned), ids: IdPolicy::Trust, ..Default::default() };
     // An ambiguous source is reported later.
     associate(scene, &options)
         .and_then(|association| diagnose_association(scene, &association, &options))

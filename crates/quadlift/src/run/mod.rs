@@ -16,7 +16,7 @@ pub use input::Input;
 pub use options::{AssociateWhen, RunOptions};
 pub use rows::RUN;
 
-use crate::association::{AssociateError, AssociateOptions, Association, IdUse, Outcome, associate_observed};
+use crate::association::{AssociateError, AssociateOptions, Association, IdPolicy, Outcome, associate_observed};
 use crate::diagnosis::diagnose_association;
 use crate::localize::{Localization, LocalizeError, LocalizeOptions};
 use crate::observer::{Observer, Phase, Unobserved};
@@ -119,7 +119,7 @@ pub fn identify<I: Input>(
     let source = options.source.as_deref();
     // Ids that are not trusted say nothing yet.
     let mut check = match options.ids {
-        IdUse::Trust => Check::of(input, source, fix).map_err(RunError::Input)?,
+        IdPolicy::Trust => Check::of(input, source, fix).map_err(RunError::Input)?,
         _ => Check::default(),
     };
     let associate = |scene: &Scene| {
@@ -150,7 +150,7 @@ fn concluded(
         // The association lists them.
         localization.skipped.without_object = 0;
     }
-    check.conclude(&mut localization, may_agree, options.accept_inconsistent);
+    check.conclude(&mut localization, may_agree, options.allow_inconsistent);
     Run { check, association, localization }
 }
 

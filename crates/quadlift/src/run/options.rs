@@ -3,7 +3,7 @@
 use std::fmt::{Display, Formatter, Result as FmtResult};
 use std::str::FromStr;
 
-use crate::association::{AssociateOptions, IdUse};
+use crate::association::{AssociateOptions, IdPolicy};
 use crate::localize::LocalizeOptions;
 use crate::names::{UnknownName, unknown};
 use crate::scene::Scene;
@@ -54,18 +54,18 @@ pub struct RunOptions {
     pub localize: LocalizeOptions,
     /// When detections are associated first.
     pub associate: AssociateWhen,
-    /// How far association trusts existing ids. Default: [`IdUse::Trust`], with [`AssociateWhen::Always`] [`IdUse::Evidence`].
-    pub ids: Option<IdUse>,
+    /// How far association trusts existing ids. Default: [`IdPolicy::Trust`], with [`AssociateWhen::Always`] [`IdPolicy::Evidence`].
+    pub ids: Option<IdPolicy>,
     /// Apply the corrections that the check proposes.
     pub fix: bool,
 }
 
 impl RunOptions {
     /// How to use the ids of a scene if its detections are to be associated, otherwise `None`.
-    pub fn ids_for(&self, scene: &Scene) -> Option<IdUse> {
+    pub fn ids_for(&self, scene: &Scene) -> Option<IdPolicy> {
         let default = match self.associate {
             AssociateWhen::Never => return None,
-            AssociateWhen::Always => IdUse::Evidence,
+            AssociateWhen::Always => IdPolicy::Evidence,
             AssociateWhen::Auto => {
                 // An ambiguous source is reported later.
                 let source = scene.source_index(self.localize.source.as_deref()).unwrap_or_default();
@@ -73,14 +73,14 @@ impl RunOptions {
                 if used.all(|d| d.object_index.is_some()) {
                     return None;
                 }
-                IdUse::Trust
+                IdPolicy::Trust
             }
         };
         Some(self.ids.unwrap_or(default))
     }
 
     /// The options of the association that precedes the localization.
-    pub(super) fn of_association(&self, ids: IdUse) -> AssociateOptions {
+    pub(super) fn of_association(&self, ids: IdPolicy) -> AssociateOptions {
         AssociateOptions {
             source: self.localize.source.clone(),
             ids,

@@ -1,7 +1,7 @@
 //! The options of a run that a user can choose.
 
 use super::options::{AssociateWhen, RunOptions};
-use crate::association::IdUse;
+use crate::association::IdPolicy;
 use crate::cross_validation::Extent;
 use crate::localize::MeasurementKind;
 use crate::names::UnknownName;
@@ -122,10 +122,10 @@ pub const RUN: &[Spec<RunOptions>] = &[
     },
     Spec {
         name: "ids",
-        kind: Kind::Choice(&IdUse::NAMES),
+        kind: Kind::Choice(&IdPolicy::NAMES),
         help: "How far to trust existing ids: trust, evidence or ignore [default: trust; evidence if all detections are associated]",
         group: SELECTION,
-        get: |o| o.ids.map(IdUse::name).into(),
+        get: |o| o.ids.map(IdPolicy::name).into(),
         set: |o, value| {
             o.ids = value.text().map(|_| value.named()).transpose()?;
             Ok(())
@@ -138,7 +138,7 @@ pub const RUN: &[Spec<RunOptions>] = &[
         help: "Skip objects with fewer views; planes, lfd and pfd need three",
         group: SELECTION,
         whole_scene: false,
-        get: |o| o.localize.min_views.max(o.localize.method.fewest_views()).into(),
+        get: |o| o.localize.min_views.max(o.localize.method.min_views()).into(),
         set: |o, value| {
             o.localize.min_views = value.count()?;
             Ok(())
@@ -328,13 +328,13 @@ pub const RUN: &[Spec<RunOptions>] = &[
         ..ROW
     },
     Spec {
-        name: "accept_inconsistent",
+        name: "allow_inconsistent",
         help: "Continue with an inconsistent scene",
         group: CORRECTIONS,
         of: &[Localize, Associate, Segment, Python],
-        get: |o| o.localize.accept_inconsistent.into(),
+        get: |o| o.localize.allow_inconsistent.into(),
         set: |o, value| {
-            o.localize.accept_inconsistent = flag(&value)?;
+            o.localize.allow_inconsistent = flag(&value)?;
             Ok(())
         },
         ..ROW
@@ -411,7 +411,7 @@ mod tests {
             max_truncated: _,
             measurements: _,
             enclosing_quantile: _,
-            accept_inconsistent: _,
+            allow_inconsistent: _,
             plausible_sizes: _,
             seed: _,
             cross_validation: _,
@@ -429,7 +429,7 @@ mod tests {
             upright: _,
             ground_plane: _,
             camera_height: _,
-            hidden_edges: _,
+            occluded_edges: _,
             pose_noise: _,
             refine_poses: _,
             refine_extrinsics: _,
@@ -446,7 +446,7 @@ mod tests {
             "max_occluded",
             "max_truncated",
             "observations",
-            "accept_inconsistent",
+            "allow_inconsistent",
             "seed",
             "cross_validate",
         ];

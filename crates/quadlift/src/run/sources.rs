@@ -20,7 +20,7 @@ impl Extra {
     /// Whether detections with a box or an ellipse have it.
     fn is_in(self, scene: &Scene) -> bool {
         scene.detections.iter().filter(|d| d.is_measured()).any(|detection| match self {
-            Self::Outlines => detection.support_lines.is_some(),
+            Self::Outlines => detection.tangent_lines.is_some(),
             Self::Depths => detection.cues.as_ref().is_some_and(|cues| cues.depth.is_some()),
             Self::Boxes3d => detection.cues.as_ref().is_some_and(|cues| cues.box3d.is_some()),
         })
@@ -29,7 +29,7 @@ impl Extra {
     fn leave_out(self, scene: &mut Scene) {
         for detection in &mut scene.0.detections {
             match (self, detection.cues.as_deref_mut()) {
-                (Self::Outlines, _) => detection.support_lines = None,
+                (Self::Outlines, _) => detection.tangent_lines = None,
                 (Self::Depths, Some(cues)) => cues.depth = None,
                 (Self::Boxes3d, Some(cues)) => cues.box3d = None,
                 (_, None) => {}

@@ -53,7 +53,7 @@ impl NewDetection<'_> {
 
     /// Its outline and its turned box.
     pub fn shape(&self) -> Shape<'_> {
-        Shape { outline: self.outline, oriented_box: self.oriented_box, hidden_lines: None }
+        Shape { outline: self.outline, oriented_box: self.oriented_box, occluded_lines: None }
     }
 
     /// The box; without one that around the ellipse, the outline or the turned box.
@@ -231,10 +231,10 @@ impl SceneBuilder {
             score: input.score,
             bounding_box,
             ellipse,
-            support_lines: None,
+            tangent_lines: None,
             partial: input.partial,
             box_in_image,
-            hidden_edges: None,
+            occluded_edges: None,
             occluded: input.occluded,
             truncated: input.truncated,
             cues: (!input.cues.is_empty()).then(|| Box::new(input.cues)),

@@ -6,7 +6,7 @@ mod cues;
 mod error;
 mod points;
 mod parts;
-mod hidden;
+mod occluded;
 mod skipped;
 mod sources;
 mod views;
@@ -16,9 +16,9 @@ mod builder;
 pub use builder::{NewDetection, SceneBuilder};
 pub use cues::{Box3dCue, Box3dSd, CueError, Cues, DepthCue};
 pub use error::{OutlineError, SceneError};
-pub use hidden::hidden_edges;
+pub use occluded::occluded_edges;
 pub(crate) use outlines::extreme_corners;
-pub use outlines::{FrameOutline, Outlines, Shape, check_outline, hidden_lines};
+pub use outlines::{FrameOutline, Outlines, Shape, check_outline, occluded_lines};
 pub use parts::{Detection, Frame, RigCamera, SceneParts, Undistorted};
 pub use points::{PointObservation, TrackedPoint};
 pub use skipped::SkippedDetections;
@@ -30,7 +30,7 @@ use std::ops::Deref;
 
 use parts::check_parts;
 
-use crate::geometry::SupportLines;
+use crate::geometry::TangentLines;
 
 /// Posed frames and detections, checked, with every reference resolved to an index.
 ///
@@ -78,9 +78,9 @@ impl Scene {
 
     /// Sets the supporting lines of the mask of the detection with this index. Does nothing if there is no such
     /// detection.
-    pub fn set_support_lines(&mut self, detection: usize, lines: Option<SupportLines>) {
+    pub fn set_support_lines(&mut self, detection: usize, lines: Option<TangentLines>) {
         if let Some(detection) = self.0.detections.get_mut(detection) {
-            detection.support_lines = lines.map(Box::new);
+            detection.tangent_lines = lines.map(Box::new);
         }
     }
 

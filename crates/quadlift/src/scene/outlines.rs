@@ -8,7 +8,7 @@ use nalgebra::Vector2;
 use super::error::OutlineError;
 use super::parts::{Detection, Frame};
 use super::views::BORDER_TOLERANCE_PX;
-use crate::geometry::{BoundingBox, Camera, OrientedBox, OutlineEnd, SUPPORT_DIRECTIONS, SupportLine, SupportLines};
+use crate::geometry::{BoundingBox, Camera, OrientedBox, OutlineEnd, SUPPORT_DIRECTIONS, TangentLine, TangentLines};
 
 /// Distance in pixels up to which an outline touches another one: outlines of networks keep a gap of a pixel or two.
 const TOUCHING_PX: f64 = 2.0;
@@ -47,9 +47,9 @@ pub struct Shape<'a> {
     pub outline: Option<&'a [[f64; 2]]>,
     /// Turned box in pixels; an outline comes first.
     pub oriented_box: Option<OrientedBox>,
-    /// Which lines of the outline end where another outline of the image begins, if precomputed ([`hidden_lines`]): the other one need
+    /// Which lines of the outline end where another outline of the image begins, if precomputed ([`occluded_lines`]): the other one need
     /// not be in the scene. Otherwise computed from the outlines of the scene.
-    pub hidden_lines: Option<[bool; SUPPORT_DIRECTIONS]>,
+    pub occluded_lines: Option<[bool; SUPPORT_DIRECTIONS]>,
 }
 
 impl Shape<'_> {
@@ -87,7 +87,7 @@ impl Outlines {
         let outline = shape.outline.map(|corners| ImageOutline::new(index, corners, frame)).transpose()?;
         let turned = shape.oriented_box.filter(|_| outline.is_none());
         let mut lines = match (&outline, &turned) {
-            (Some(outline), _) => outline.support_lines(),
+            (Some(outline), _) => outline.tangent_lines(),
             (None, Some(turned)) => turned_lines(turned, frame),
             (None, None) => return Ok(()),
         };
@@ -96,13 +96,13 @@ impl Outlines {
         } else if !has_box {
             let around = shape.bounding_box();
             detection.bounding_box = match frame.lens {
-                Some(_) => lines.as_ref().and_then(SupportLines::bounding_box),
+                Some(_) => lines.as_ref().and_then(TangentLines::bounding_box),
                 None => around,
             };
             detection.box_in_image = detection.box_in_image.or(around.filter(|_| frame.lens.is_some()));
         }
         if let Some(outline) = outline {
-            match &shape.hidden_lines {
+            match &shape.occluded_lines {
                 Some(hidden) => lines = lines.map(|lines| lines.with_hidden(hidden)),
                 None => {
                     let image = (detection.frame_index, detection.source_index);
@@ -110,7 +110,7 @@ impl Outlines {
                 }
             }
         }
-        detection.support_lines = lines.map(Box::new);
+        detection.tangent_lines = lines.map(Box::new);
         Ok(())
     }
 
@@ -118,7 +118,7 @@ impl Outlines {
     pub fn hide(&self, detections: &mut [Detection]) {
         for outlines in self.by_image.values() {
             for (detection, hidden) in touch(outlines) {
-                if let Some(lines) = &mut detections[detection].support_lines {
+                if let Some(lines) = &mut detections[detection].tangent_lines {
                     **lines = lines.with_hidden(&hidden);
                 }
             }
@@ -131,7 +131,7 @@ pub type FrameOutline<'a, F> = (F, &'a [[f64; 2]]);
 
 /// Which lines (in [`SUPPORT_DIRECTIONS`]) of outlines end where another outline of the same frame begins. Outlines that are wrong neither
 /// hide nor are hidden. The size of the image is not known here: lines that its border cuts off may count as hidden.
-pub fn hidden_lines<F: Ord>(outlines: &[Option<FrameOutline<'_, F>>]) -> Vec<[bool; SUPPORT_DIRECTIONS]> {
+pub fn occluded_lines<F: Ord>(outlines: &[Option<FrameOutline<'_, F>>]) -> Vec<[bool; SUPPORT_DIRECTIONS]> {
     let mut by_frame: BTreeMap<&F, Vec<ImageOutline>> = BTreeMap::new();
     for (index, (frame, corners)) in outlines.iter().enumerate().filter_map(|(k, found)| Some((k, found.as_ref()?))) {
         if let Ok(outline) = ImageOutline::in_image(index, corners, None, None) {
@@ -149,7 +149,7 @@ pub fn hidden_lines<F: Ord>(outlines: &[Option<FrameOutline<'_, F>>]) -> Vec<[bo
 /// three outside of the image.
 pub(crate) fn extreme_corners(corners: &[[f64; 2]], frame: &Frame) -> Vec<[f64; 2]> {
     let Ok(outline) = ImageOutline::new(0, corners, frame) else { return Vec::new() };
-    let Some(lines) = outline.support_lines() else { return Vec::new() };
+    let Some(lines) = outline.tangent_lines() else { return Vec::new() };
     let on_line = |p: &Vector2<f64>| lines.lines().any(|line| line.normal.dot(p) == line.reach);
     let touching = outline.points.iter().zip(&outline.corners).filter(|((p, _), _)| on_line(p));
     touching.map(|(_, corner)| (*corner).into()).collect()
@@ -201,8 +201,8 @@ impl ImageOutline {
     }
 
     /// The supporting lines; `None` outside of the image, and if the lens has no pinhole pixels for it.
-    fn support_lines(&self) -> Option<SupportLines> {
-        SupportLines::of_outline(&self.points)
+    fn tangent_lines(&self) -> Option<TangentLines> {
+        TangentLines::of_outline(&self.points)
     }
 
     /// The box around it in the image.
@@ -307,10 +307,10 @@ fn touch(outlines: &[ImageOutline]) -> Vec<(usize, Vec<bool>)> {
         }) && outlines[index].place_of(point) == Place::Edge
     };
     let of_outline = |(index, outline): (usize, &ImageOutline)| {
-        let lines = outline.support_lines()?;
+        let lines = outline.tangent_lines()?;
         let hides = |other: usize| other != index && !outline.overlaps(&outlines[other]);
         let others = |point: &Vector2<f64>| (0..outlines.len()).any(|other| near(other, point) && hides(other));
-        let hidden = |line: SupportLine| {
+        let hidden = |line: TangentLine| {
             let mut on_line = outline.points.iter().zip(&outline.corners);
             on_line.any(|((p, _), corner)| line.normal.dot(p) == line.reach && others(corner))
         };
@@ -322,8 +322,8 @@ fn touch(outlines: &[ImageOutline]) -> Vec<(usize, Vec<bool>)> {
 
 /// The lines of the sides of a turned box, undistorted like a box: by the ellipse in it. `None` if the lens has no pinhole pixels
 /// for it.
-fn turned_lines(turned: &OrientedBox, frame: &Frame) -> Option<SupportLines> {
-    let lines = SupportLines::of_oriented_box(turned, frame.image_size, BORDER_TOLERANCE_PX);
+fn turned_lines(turned: &OrientedBox, frame: &Frame) -> Option<TangentLines> {
+    let lines = TangentLines::of_oriented_box(turned, frame.image_size, BORDER_TOLERANCE_PX);
     let undistorted = |lens: &Camera| {
         let ellipse = lens.undistort_ellipse(&turned.inscribed_ellipse()?)?;
         Some(lines.with_reach_of(&ellipse))
@@ -354,7 +354,7 @@ mod tests {
     }
 
     fn flags(scene: &Scene, detection: usize, of: impl Fn(&OutlineEnd) -> bool) -> Vec<usize> {
-        let lines = scene.detections[detection].support_lines.as_deref().unwrap();
+        let lines = scene.detections[detection].tangent_lines.as_deref().unwrap();
         lines.lines().enumerate().filter(|(_, line)| of(&line.end)).map(|(k, _)| k).collect()
     }
 
@@ -364,7 +364,7 @@ mod tests {
     fn an_outline_without_a_box_has_the_box_around_it() {
         let scene = scene(&[("a", &[[10.0, 20.0], [30.0, 25.0], [15.0, 60.0]])]);
         assert_eq!(scene.detections[0].bounding_box.unwrap().edges(), [10.0, 20.0, 30.0, 60.0]);
-        let lines = scene.detections[0].support_lines.as_deref().unwrap();
+        let lines = scene.detections[0].tangent_lines.as_deref().unwrap();
         // Right and down: 15 + 60 is more than 30 + 25.
         assert!((lines.line(1).reach - 75.0 * std::f64::consts::FRAC_1_SQRT_2).abs() < 1e-12);
         assert!(flags(&scene, 0, |end| end.is_open()).is_empty());
@@ -373,13 +373,13 @@ mod tests {
     #[test]
     fn what_lies_outside_of_the_image_is_cut_off() {
         let scene = scene(&[("a", &[[80.0, 20.0], [120.0, 20.0], [120.0, 40.0], [80.0, 40.0]])]);
-        let lines = scene.detections[0].support_lines.as_deref().unwrap();
+        let lines = scene.detections[0].tangent_lines.as_deref().unwrap();
         assert_eq!(lines.line(0).reach, 100.0);
         assert_eq!(flags(&scene, 0, |end| end.cut_off), [0, 1, 2, 6, 7]);
         // The box is as given.
         assert_eq!(scene.detections[0].bounding_box.unwrap().edges(), [80.0, 20.0, 120.0, 40.0]);
         let outside = self::scene(&[("a", &[[180.0, 20.0], [220.0, 20.0], [220.0, 40.0]])]);
-        assert!(outside.detections[0].support_lines.is_none() && outside.detections[0].bounding_box.is_some());
+        assert!(outside.detections[0].tangent_lines.is_none() && outside.detections[0].bounding_box.is_some());
     }
 
     #[test]
@@ -389,7 +389,7 @@ mod tests {
         let outlines: [(u8, &[[f64; 2]]); 3] = [(0, &SQUARE), (0, &right), (1, &SQUARE)];
         let flat = [[0.0, 0.0], [1.0, 1.0]];
         let [a, b, c] = outlines.map(Some);
-        let found = hidden_lines(&[a, None, b, c, Some((0, flat.as_slice()))]);
+        let found = occluded_lines(&[a, None, b, c, Some((0, flat.as_slice()))]);
         for (index, found) in [0, 2, 3].into_iter().map(|k| found[k]).enumerate() {
             let expected: Vec<usize> = (0..8).filter(|&k| found[k]).collect();
             assert_eq!(flags(&of_scene, index, |end| end.hidden), expected, "{index}");
@@ -399,9 +399,9 @@ mod tests {
         // They count where the other outline is not in the scene.
         let frame = &of_scene.frames[0];
         let mut detection = Detection::default();
-        let shape = Shape { outline: Some(&SQUARE), hidden_lines: Some(found[0]), ..Default::default() };
+        let shape = Shape { outline: Some(&SQUARE), occluded_lines: Some(found[0]), ..Default::default() };
         Outlines::default().add(0, &mut detection, false, frame, &shape).unwrap();
-        assert_eq!(detection.support_lines, of_scene.detections[0].support_lines);
+        assert_eq!(detection.tangent_lines, of_scene.detections[0].tangent_lines);
     }
 
     #[test]
@@ -428,12 +428,12 @@ mod tests {
         let input = NewDetection { frame: "a", bounding_box, outline: Some(&SQUARE), ..Default::default() };
         builder.add_detection(&input).unwrap();
         let scene = builder.build();
-        let lines = scene.detections[0].support_lines.as_deref().unwrap();
+        let lines = scene.detections[0].tangent_lines.as_deref().unwrap();
         assert_eq!([0, 2, 4, 6].map(|k| lines.line(k).reach), [43.0, 79.0, -18.0, -19.0]);
         assert!((lines.line(1).reach - 80.0 * std::f64::consts::FRAC_1_SQRT_2).abs() < 1e-12);
         // The box ends at the border of the image, the outline does not.
         let view = scene.view(&scene.detections[0]);
-        let cut_off: Vec<usize> = (0..8).filter(|&k| view.support_lines.unwrap().line(k).end.cut_off).collect();
+        let cut_off: Vec<usize> = (0..8).filter(|&k| view.tangent_lines.unwrap().line(k).end.cut_off).collect();
         assert_eq!(cut_off, [2]);
     }
 
@@ -444,7 +444,7 @@ mod tests {
         let turned = OrientedBox::new(Vector2::new(85.0, 40.0), Vector2::new(40.0, 10.0), 0.5).unwrap();
         builder.add_detection(&NewDetection { frame: "a", oriented_box: Some(turned), ..Default::default() }).unwrap();
         let scene = builder.build();
-        let lines = scene.detections[0].support_lines.as_deref().unwrap();
+        let lines = scene.detections[0].tangent_lines.as_deref().unwrap();
         assert_eq!(lines.count(), 4);
         for (k, line) in lines.lines().enumerate() {
             let angle = 0.5 + std::f64::consts::FRAC_PI_2 * k as f64;
@@ -482,13 +482,13 @@ mod tests {
         let turned = OrientedBox::new(Vector2::new(70.0, 40.0), Vector2::new(20.0, 10.0), 0.4).unwrap();
         builder.add_detection(&NewDetection { frame: "a", oriented_box: Some(turned), ..Default::default() }).unwrap();
         let scene = builder.build();
-        let lines = scene.detections[0].support_lines.as_deref().unwrap();
+        let lines = scene.detections[0].tangent_lines.as_deref().unwrap();
         // The right edge bulges outwards at its ends, and the left one towards the middle of the image in its middle.
         let corner = camera.undistort_point(&Vector2::new(90.0, 20.0)).unwrap();
         let middle = camera.undistort_point(&Vector2::new(70.0, 40.0)).unwrap();
         assert!((lines.line(0).reach - corner.x).abs() < 1e-9 && (lines.line(4).reach + middle.x).abs() < 1e-9);
         let ellipse = camera.undistort_ellipse(&turned.inscribed_ellipse().unwrap()).unwrap();
-        for line in scene.detections[1].support_lines.as_deref().unwrap().lines() {
+        for line in scene.detections[1].tangent_lines.as_deref().unwrap().lines() {
             let [.., offset] = ellipse.tangent_line(&line.normal);
             assert!((line.reach + offset).abs() < 1e-9);
         }

@@ -7,7 +7,7 @@ use nalgebra::{Unit, Vector2, Vector3};
 use super::cues::Cues;
 use super::error::SceneError;
 use super::points::{TrackedPoint, check_points};
-use crate::geometry::{BoundingBox, Camera, Ellipse, Projection, SupportLines};
+use crate::geometry::{BoundingBox, Camera, Ellipse, Projection, TangentLines};
 
 /// The contents of a [`super::Scene`].
 #[derive(Debug, Clone, Default)]
@@ -111,15 +111,15 @@ pub struct Detection {
     pub ellipse: Option<Ellipse>,
     /// The supporting lines in pixels of the outline or the turned box; of a mask if computed, because a scene is built without them.
     /// Boxed, because most detections have none.
-    pub support_lines: Option<Box<SupportLines>>,
+    pub tangent_lines: Option<Box<TangentLines>>,
     /// Whether ellipse and mask may be of a part of the object: the border of the image or another object cuts them.
     pub partial: bool,
     /// With lens distortion: the measured box, or the box around the measured ellipse, in the original image, whose
     /// border may cut it.
     pub box_in_image: Option<BoundingBox>,
     /// Which edges of the box are hidden by another detection of the frame, if precomputed: the hiding detection need
-    /// not be in the scene. Otherwise computed from the boxes of the scene ([`super::Scene::hidden_edges`]).
-    pub hidden_edges: Option<[bool; 4]>,
+    /// not be in the scene. Otherwise computed from the boxes of the scene ([`super::Scene::occluded_edges`]).
+    pub occluded_edges: Option<[bool; 4]>,
     /// Occlusion level (KITTI: 0 visible, 1 partly, 2 largely, 3 unknown).
     pub occluded: Option<f64>,
     /// Truncation level (KITTI: 0 wholly inside the image).

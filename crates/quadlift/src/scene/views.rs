@@ -7,7 +7,7 @@ use nalgebra::Vector2;
 use super::Scene;
 use super::cues::Cues;
 use super::parts::Detection;
-use crate::geometry::{BoundingBox, Ellipse, Projection, SupportLines};
+use crate::geometry::{BoundingBox, Ellipse, Projection, TangentLines};
 
 /// Edges this close to the image border (pixels) count as cut off. KITTI's boxes end at 1241 to 1243 of 1242 pixels.
 pub(crate) const BORDER_TOLERANCE_PX: f64 = 2.0;
@@ -41,13 +41,13 @@ pub struct View {
     /// The ellipse in pixels.
     pub ellipse: Option<Ellipse>,
     /// The supporting lines of mask, outline or turned box in pixels; if there are any, they replace the edges of the box.
-    pub support_lines: Option<SupportLines>,
+    pub tangent_lines: Option<TangentLines>,
     /// Whether the ellipse may be of a part of the object.
     pub partial: bool,
     /// With lens distortion: the box in the original image, see [`Detection::box_in_image`].
     pub box_in_image: Option<BoundingBox>,
     /// Which edges of the box (left, top, right, bottom) are probably hidden by another detection of the frame.
-    pub hidden_edges: [bool; 4],
+    pub occluded_edges: [bool; 4],
     /// Which edges of the box, or of the box around the ellipse (left, top, right, bottom), lie so close to the image
     /// border that the object is cut off there: they only bound its extent from below. Decided once, for the fit and
     /// its report ([`View::with_cut_off_edges`]).
@@ -102,10 +102,10 @@ impl View {
             image_size: None,
             bounding_box: None,
             ellipse: None,
-            support_lines: None,
+            tangent_lines: None,
             partial: false,
             box_in_image: None,
-            hidden_edges: [false; 4],
+            occluded_edges: [false; 4],
             cut_off: [false; 4],
             cues: Cues::default(),
             depth_scale: DepthScale::default(),
@@ -115,7 +115,7 @@ impl View {
 
     /// The measurement for the closed forms: the ellipse, or the one inscribed in the turned box or in the box.
     pub fn ellipse_or_inscribed(&self) -> Option<Ellipse> {
-        let turned = || self.support_lines.as_ref().and_then(SupportLines::inscribed_ellipse);
+        let turned = || self.tangent_lines.as_ref().and_then(TangentLines::inscribed_ellipse);
         self.ellipse.or_else(turned).or_else(|| self.bounding_box.as_ref().map(Ellipse::inscribed_in))
     }
 
@@ -125,7 +125,7 @@ impl View {
     pub fn with_cut_off_edges(mut self, tolerance: f64) -> Self {
         let measured = self.measured_box().map(|measured| self.in_image(&measured));
         self.cut_off = measured.map_or([false; 4], |b| edges_at_border(&b, self.image_size, tolerance));
-        self.support_lines = self.support_lines.map(|lines| lines.with_cut_off_edges(self.cut_off));
+        self.tangent_lines = self.tangent_lines.map(|lines| lines.with_cut_off_edges(self.cut_off));
         self
     }
 
@@ -180,10 +180,10 @@ impl Scene {
             image_size: frame.image_size,
             bounding_box: detection.bounding_box,
             ellipse: detection.ellipse,
-            support_lines: detection.support_lines.as_deref().copied(),
+            tangent_lines: detection.tangent_lines.as_deref().copied(),
             partial: detection.partial,
             box_in_image: detection.box_in_image,
-            hidden_edges: [false; 4],
+            occluded_edges: [false; 4],
             cut_off: [false; 4],
             cues,
             depth_scale,

@@ -17,7 +17,7 @@ pub(crate) const ENCLOSING_QUANTILE: f64 = 0.85;
 
 use super::conditioning::{ObjectFrame, axes_of};
 use crate::geometry::linalg::solve_spd;
-use crate::geometry::{Body, ConvexBody, Ellipsoid, SupportLines, edge_plane, support_plane};
+use crate::geometry::{Body, ConvexBody, Ellipsoid, TangentLines, edge_plane, support_plane};
 use crate::scene::View;
 
 /// Minimum number of planes for separate proportions: twice the parameters. With fewer planes there is no gain: see the
@@ -91,7 +91,7 @@ fn planes(views: &[View], frame: &ObjectFrame) -> Vec<Plane> {
     for view in views {
         let p: Matrix3x4<f64> = frame.local_projection(&view.projection);
         let ellipse = view.ellipse.filter(|_| view.bounding_box.is_none());
-        if let Some(lines) = ellipse.as_ref().map(SupportLines::of_ellipse).or(view.support_lines) {
+        if let Some(lines) = ellipse.as_ref().map(TangentLines::of_ellipse).or(view.tangent_lines) {
             lines.lines().filter(|line| !line.end.is_open()).for_each(|line| push(support_plane(&p, &line)));
         } else if let Some(bounding_box) = &view.bounding_box {
             (0..4).filter(|&edge| !view.cut_off[edge]).for_each(|edge| push(edge_plane(&p, bounding_box, edge)));

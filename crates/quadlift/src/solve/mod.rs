@@ -7,7 +7,7 @@ mod prediction;
 mod refined_pose;
 mod sigmas;
 mod options;
-mod learnt_size;
+mod learned_size;
 pub(crate) mod plausible;
 mod streaming_qr;
 mod triangulate;
@@ -29,7 +29,7 @@ pub use estimate::{
     Alternative, Covariance, CovarianceCoordinates, Estimate, Matrix9, Misfit, Rejection, Status, ViewReport, Warning,
 };
 pub use estimator::Estimator;
-pub use learnt_size::LearntCategorySize;
+pub use learned_size::LearnedCategorySize;
 pub(crate) use options::BORDER_MARGIN;
 pub use options::{CategoryPrior, CategoryPriors, MapOptions, Method, PoseMotion, PoseNoise, RegOptions, SizePrior};
 pub use pose_points_report::{PosePointsProblem, PosePointsReport};

@@ -35,7 +35,7 @@ impl From<MapOptions> for Method {
 
 impl Method {
     /// The minimum number of views of the method.
-    pub fn fewest_views(&self) -> usize {
+    pub fn min_views(&self) -> usize {
         match self {
             Self::Map(_) | Self::Reg(_) => 2,
             Self::Planes | Self::Lfd | Self::Pfd => 3,
@@ -121,7 +121,7 @@ pub struct MapOptions {
     pub body: Option<BodyKind>,
     /// Priors by category; empty by default.
     pub priors: CategoryPriors,
-    /// Whether the sizes of categories are learnt from the objects of the scene: each object gets the size of the others of its
+    /// Whether the sizes of categories are learned from the objects of the scene: each object gets the size of the others of its
     /// category as a prior (docs/method.md, section 21). Categories whose size [`MapOptions::priors`] tells keep that. Has no effect
     /// on [`super::Estimator`], which knows one object.
     pub learn_sizes: bool,
@@ -156,7 +156,7 @@ pub struct MapOptions {
     pub camera_height: Option<f64>,
     /// Whether edges that another box probably hides have their own noise level.
     #[doc(hidden)]
-    pub hidden_edges: bool,
+    pub occluded_edges: bool,
     /// Prior of pose corrections, one per frame, which are then estimated. `None` takes the poses as exact. It helps only if
     /// each frame shows several objects.
     pub pose_noise: Option<PoseNoise>,
@@ -189,7 +189,7 @@ impl Default for MapOptions {
             upright: true,
             ground_plane: false,
             camera_height: None,
-            hidden_edges: true,
+            occluded_edges: true,
             pose_noise: None,
             refine_poses: None,
             refine_extrinsics: true,

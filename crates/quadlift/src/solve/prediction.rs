@@ -42,7 +42,7 @@ impl Prediction {
         let image = view.image_size.filter(|_| view.box_in_image.is_none()).map(|size| [0.0, 0.0, size.x, size.y]);
         let iou = predicted.map_or(0.0, |predicted| cut_iou(&measured, &predicted, cut_off, image));
         let frame_index = view.frame_index;
-        Some(Self { object_index, frame_index, measured, predicted, iou, cut_off, hidden: view.hidden_edges })
+        Some(Self { object_index, frame_index, measured, predicted, iou, cut_off, hidden: view.occluded_edges })
     }
 
     /// Error of each edge `x0, y0, x1, y1` relative to the mean half size `(w + h) / 4` of the measured box: positive

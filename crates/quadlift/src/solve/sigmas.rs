@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 /// order of the noise groups of `map`.
 pub const SIGMA_NAMES: [&str; 31] = [
     "edge_relative",
-    "hidden_edge_relative",
+    "occluded_edge_relative",
     "ellipse_center",
     "ellipse_size",
     "ellipse_aspect",
@@ -61,7 +61,7 @@ pub(super) const CORRELATION_NAMES: [&str; 3] = ["edge_correlation", "ellipse_co
 pub(super) const SPREAD_NAMES: [&str; 2] = ["residual_level", "residual_spread"];
 
 /// Pose noise in results, which is not noise of detections: root mean square corrections, and frames over which errors last.
-pub(crate) const POSE_NOISE_NAMES: [&str; 3] = ["pose_rotation", "pose_translation", "pose_memory"];
+pub(crate) const POSE_NOISE_NAMES: [&str; 3] = ["pose_rotation", "pose_translation", "pose_correlation_length"];
 
 /// Noise levels by the names under which [`crate::Localization::noise`] reports them: standard deviations relative to
 /// the half size of a detection (`edge_px`: in pixels; `ellipse_angle`: radians times half the logarithm of the axis
@@ -164,7 +164,7 @@ mod tests {
         let error = |name, value| Sigmas::new([(name, value)]).unwrap_err().to_string();
         assert!(
             error("edge", 0.1)
-                .starts_with("\"edge\" is not a noise level; expected one of edge_relative, hidden_edge_relative")
+                .starts_with("\"edge\" is not a noise level; expected one of edge_relative, occluded_edge_relative")
         );
         assert_eq!(error("shape", 0.0), "shape is 0; expected a finite number above 0");
         assert_eq!(error("edge_relative", f64::NAN), "edge_relative is NaN; expected a finite number above 0");

@@ -1,4 +1,4 @@
-//! Misses and false positives of a detector.
+//! ReprojectionErrors and false positives of a detector.
 
 use nalgebra::Vector2;
 use rand::RngExt;

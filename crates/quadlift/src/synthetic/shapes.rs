@@ -165,7 +165,7 @@ fn reaches(projection: &Projection, body: &Body, angle: f64) -> Option<[f64; 4]>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{BodyKind, SupportLines};
+    use crate::geometry::{BodyKind, TangentLines};
     use crate::synthetic::{SyntheticOptions, generate};
 
     /// Shapes of the detections of a scene with their true bodies and projections.
@@ -195,7 +195,7 @@ mod tests {
             for (shape, body, projection) in simulated(kind, &exact) {
                 let corners = shape.outline.unwrap();
                 let points: Vec<_> = corners.iter().map(|c| (Vector2::from(*c), Default::default())).collect();
-                let lines = SupportLines::of_outline(&points).unwrap();
+                let lines = TangentLines::of_outline(&points).unwrap();
                 let around = project_bounding_box(&projection, &body).unwrap();
                 let difference = Vector2::from_fn(|k, _| lines.bounding_box().unwrap().edges()[k] - around.edges()[k]);
                 assert!(difference.amax() < 1e-6 * around.mean_half_size(), "{difference}");

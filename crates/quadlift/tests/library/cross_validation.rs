@@ -91,11 +91,11 @@ fn a_left_out_view_has_no_influence() {
             let checked = run(&scene, options.clone(), Extent::All).cross_validation;
             for left_out in 0..views {
                 let mut others = scene.clone();
-                let hidden = scene.hidden_edges(|_| true);
+                let hidden = scene.occluded_edges(|_| true);
                 others
                     .edit(|parts| {
                         for (detection, hidden) in parts.detections.iter_mut().zip(hidden) {
-                            detection.hidden_edges = Some(hidden);
+                            detection.occluded_edges = Some(hidden);
                         }
                         parts.detections.retain(|d| d.frame_index as usize != left_out);
                     })

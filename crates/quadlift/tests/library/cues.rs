@@ -1,9 +1,9 @@
 //! Depths and 3D boxes beside boxes, one view, wrong scales, outliers.
 
-use nalgebra::Vector3;
-use quadlift::geometry::BodyKind;
+use nalgebra::{Rotation2, Vector2, Vector3};
+use quadlift::geometry::{BodyKind, project_ellipsoid};
 use quadlift::metrics::iou3d_ellipsoids;
-use quadlift::scene::{Box3dSd, Cues, DepthCue, Detection, Scene, SceneParts};
+use quadlift::scene::{Box3dSd, Cues, DepthCue, Detection, NewDetection, Scene, SceneBuilder, SceneParts};
 use quadlift::solve::{MapOptions, ScaledQuantity, Sigmas, Status, Warning};
 use quadlift::synthetic::{
     Box3dNoise, CueOptions, DepthNoise, Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate,
@@ -119,7 +119,7 @@ fn a_camera_that_stands_still_sees_objects_with_depths() {
     }
     let scene = Scene::from_parts(parts).unwrap();
     // The self-check takes repeated poses for a mistake.
-    let found = localize(&scene, &LocalizeOptions { accept_inconsistent: true, ..options() }).unwrap();
+    let found = localize(&scene, &LocalizeOptions { allow_inconsistent: true, ..options() }).unwrap();
     let (_, error) = scores(&made, &found, &scene);
     assert!(error < 0.8, "{error}");
     assert!(found.estimates.iter().filter(|estimate| estimate.status == Status::Ok).count() >= 27);
@@ -150,7 +150,7 @@ fn with_given_levels_objects_are_independent() {
     let mut options = options();
     let map = options.method.map_options_mut().unwrap();
     // Boxes that are removed hide nothing.
-    (map.sigmas, map.hidden_edges) = (Some(sigmas), false);
+    (map.sigmas, map.occluded_edges) = (Some(sigmas), false);
     let all = localize(&scene, &options).unwrap();
     assert!(all.cue_scales.is_empty());
     let mut parts = scene.clone().into_parts();
@@ -356,4 +356,44 @@ fn a_known_scale_is_not_estimated() {
         let distance = (with.center.unwrap() - camera).norm();
         assert!((0.05..0.15).contains(&(told / distance)), "{told} {distance}");
     }
+}
+
+/// Polygons of whole objects that overlap in the image: none ends at another one, and they tell more than boxes.
+#[test]
+fn polygons_of_a_crowd_are_not_worse_than_boxes() {
+    let crowd = SyntheticOptions { objects: 40, views: 3, cube_side: 6.0, distance: 25.0, ..Default::default() };
+    let observed = SyntheticOptions { observations: Observations::Boxes, noise: vec![Noise::BoxEdges(0.03)], ..crowd };
+    let made = generate(&observed).unwrap();
+    let mut builder = SceneBuilder::new("crowd");
+    for frame in &made.scene.frames {
+        let size = frame.image_size.map(|size| [size.x, size.y]);
+        builder.add_frame(&frame.id, frame.projection, size).unwrap();
+    }
+    for (detection, object) in made.scene.detections.iter().zip(&made.true_objects) {
+        let frame = &made.scene.frames[detection.frame_index as usize];
+        let (name, body) = &made.truth[object.unwrap()];
+        let ellipse = project_ellipsoid(&frame.projection, &body.ellipsoid()).unwrap();
+        let corners: Vec<[f64; 2]> = (0..64)
+            .map(|k| {
+                let (sin, cos) = (f64::from(k) / 64.0 * std::f64::consts::TAU).sin_cos();
+                let offset = Vector2::new(ellipse.semi_axes().x * cos, ellipse.semi_axes().y * sin);
+                (ellipse.center() + Rotation2::new(ellipse.angle()) * offset).into()
+            })
+            .collect();
+        let bounding_box = detection.bounding_box;
+        let outline = Some(corners.as_slice());
+        builder
+            .add_detection(&NewDetection {
+                frame: &frame.id,
+                object: Some(name),
+                bounding_box,
+                outline,
+                ..Default::default()
+            })
+            .unwrap();
+    }
+    let with = builder.build();
+    let (boxes, _) = scores(&made, &localize(&made.scene, &options()).unwrap(), &made.scene);
+    let (polygons, _) = scores(&made, &localize(&with, &options()).unwrap(), &with);
+    assert!(polygons > boxes, "{boxes} {polygons}");
 }

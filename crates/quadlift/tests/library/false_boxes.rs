@@ -120,9 +120,9 @@ fn with_given_levels_an_object_is_judged_by_them_alone() {
     let mut options = LocalizeOptions::default();
     options.method.map_options_mut().unwrap().sigmas = Some(sigmas);
     // What hides an edge is in the other boxes of its frame.
-    options.method.map_options_mut().unwrap().hidden_edges = false;
+    options.method.map_options_mut().unwrap().occluded_edges = false;
     // The self-check looks at all objects of a scene.
-    options.accept_inconsistent = true;
+    options.allow_inconsistent = true;
     options.method.map_options_mut().unwrap().body = Some(quadlift::geometry::BodyKind::Ellipsoid);
     let together = localize(&scene.scene, &options).unwrap();
     let mut statuses: BTreeMap<&str, usize> = BTreeMap::new();

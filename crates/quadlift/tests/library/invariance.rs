@@ -56,7 +56,7 @@ fn in_order(scene: &Scene, order: &[usize]) -> Scene {
 
 /// Without hidden edges, which are looked at by themselves.
 fn run(scene: &Scene, correlated_views: bool) -> Vec<Estimate> {
-    let map = MapOptions { correlated_views, hidden_edges: false, ..Default::default() };
+    let map = MapOptions { correlated_views, occluded_edges: false, ..Default::default() };
     localize(scene, &LocalizeOptions::from(map)).unwrap().estimates
 }
 
@@ -100,13 +100,13 @@ proptest! {
     fn the_same_edges_are_hidden_in_portrait_images(seed in 0u64..1000, quarters in prop::collection::vec(0usize..4, 12)) {
         let mut scene = crowd(seed);
         scene.edit(|parts| parts.up = Some(Vector3::z_axis())).unwrap();
-        let mut expected = scene.hidden_edges(|_| true);
+        let mut expected = scene.occluded_edges(|_| true);
         prop_assert!(expected.iter().flatten().any(|hidden| *hidden));
         for (hidden, detection) in expected.iter_mut().zip(&scene.detections) {
             // A quarter turn makes the lower edge the left one.
             hidden.rotate_right(quarters[detection.frame_index as usize]);
         }
-        prop_assert_eq!(rolled(&scene, |k| quarters[k]).hidden_edges(|_| true), expected);
+        prop_assert_eq!(rolled(&scene, |k| quarters[k]).occluded_edges(|_| true), expected);
     }
 
     // That errors of neighboring frames are alike is read off their order, which has to be that of time.

@@ -10,7 +10,7 @@ mod cross_validation;
 mod cues;
 mod false_boxes;
 mod invariance;
-mod learnt_sizes;
+mod learned_sizes;
 mod lens;
 mod masks;
 mod observer;

@@ -1,7 +1,7 @@
 //! Objects from the supporting lines of masks, and from ellipses of which some are of parts.
 
 use nalgebra::{Rotation2, Vector2};
-use quadlift::geometry::{BodyKind, Ellipse, OrientedBox, OutlineEnd, SupportLines};
+use quadlift::geometry::{BodyKind, Ellipse, OrientedBox, OutlineEnd, TangentLines};
 use quadlift::metrics::iou3d_ellipsoids;
 use quadlift::scene::Scene;
 use quadlift::solve::{Method, RegOptions};
@@ -13,14 +13,14 @@ fn synthetic(observations: Observations, noise: Vec<Noise>) -> SyntheticScene {
 }
 
 /// The supporting lines of an ellipse, of which nothing right of `x` pixels is seen.
-fn lines(ellipse: &Ellipse, x: f64) -> Option<Box<SupportLines>> {
+fn lines(ellipse: &Ellipse, x: f64) -> Option<Box<TangentLines>> {
     let outline = (0..3600).map(|i| {
         let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / 3600.0).sin_cos();
         let offset = Vector2::new(ellipse.semi_axes().x * cos, ellipse.semi_axes().y * sin);
         let point = ellipse.center() + Rotation2::new(ellipse.angle()) * offset;
         (Vector2::new(point.x.min(x), point.y), OutlineEnd { cut_off: point.x > x - 1.0, hidden: false })
     });
-    SupportLines::of_outline(&outline.collect::<Vec<_>>()).map(Box::new)
+    TangentLines::of_outline(&outline.collect::<Vec<_>>()).map(Box::new)
 }
 
 fn mean_iou(synthetic: &SyntheticScene, scene: &Scene, options: &LocalizeOptions) -> f64 {
@@ -47,7 +47,7 @@ fn exact_masks_give_exact_bodies() {
     scene
         .edit(|parts| {
             for detection in &mut parts.detections {
-                detection.support_lines = lines(&detection.ellipse.unwrap(), f64::INFINITY);
+                detection.tangent_lines = lines(&detection.ellipse.unwrap(), f64::INFINITY);
             }
         })
         .unwrap();
@@ -78,7 +78,7 @@ fn exact_turned_boxes_give_exact_bodies() {
                 let size = Vector2::new(half(angle), half(angle + std::f64::consts::FRAC_PI_2)) * 2.0;
                 let turned = OrientedBox::new(ellipse.center(), size, angle).unwrap();
                 detection.bounding_box = turned.bounding_box();
-                detection.support_lines = Some(Box::new(SupportLines::of_oriented_box(&turned, None, 0.0)));
+                detection.tangent_lines = Some(Box::new(TangentLines::of_oriented_box(&turned, None, 0.0)));
             }
         })
         .unwrap();
@@ -105,7 +105,7 @@ fn what_the_border_cuts_off_or_another_object_hides_tells_only_that_the_object_r
                 let ellipse = detection.ellipse.unwrap();
                 let x =
                     if index % 2 == 0 { ellipse.center().x + 0.3 * ellipse.semi_axes().min() } else { f64::INFINITY };
-                detection.support_lines = lines(&ellipse, x);
+                detection.tangent_lines = lines(&ellipse, x);
             }
         })
         .unwrap();
@@ -117,7 +117,7 @@ fn what_the_border_cuts_off_or_another_object_hides_tells_only_that_the_object_r
     let swapped = |end: OutlineEnd| OutlineEnd { cut_off: end.hidden, hidden: end.cut_off };
     hidden
         .edit(|parts| {
-            for lines in parts.detections.iter_mut().filter_map(|d| d.support_lines.as_mut()) {
+            for lines in parts.detections.iter_mut().filter_map(|d| d.tangent_lines.as_mut()) {
                 **lines = lines.with_ends(|line| swapped(line.end));
             }
         })
@@ -128,7 +128,7 @@ fn what_the_border_cuts_off_or_another_object_hides_tells_only_that_the_object_r
     }
     scene
         .edit(|parts| {
-            for lines in parts.detections.iter_mut().filter_map(|d| d.support_lines.as_mut()) {
+            for lines in parts.detections.iter_mut().filter_map(|d| d.tangent_lines.as_mut()) {
                 **lines = lines.with_ends(|_| OutlineEnd::default());
             }
         })

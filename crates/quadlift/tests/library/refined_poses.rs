@@ -91,7 +91,7 @@ fn independent_errors_of_poses_are_halved_and_objects_gain() {
     let exact = street(0.02);
     let (given, _) = with_errors(&exact, [0.01, 0.05], 0.0);
     let (before, after) = (found(&given, None), found(&given, Some(PoseMotion::Auto)));
-    assert_eq!((before.pose_memory, after.pose_memory), (None, Some(0.0)));
+    assert_eq!((before.pose_correlation_length, after.pose_correlation_length), (None, Some(0.0)));
     let (a, b) = (rotation_error(&exact, &given, &before), rotation_error(&exact, &given, &after));
     let (without, with) = (scores(&given, &before), scores(&given, &after));
     println!("independent: rotation {a:.4} -> {b:.4}, IoU and NEES {without:?} -> {with:?}");
@@ -105,7 +105,7 @@ fn slow_errors_of_poses_are_followed() {
     let (given, _) = with_errors(&exact, [0.02, 0.3], 100.0);
     let of = |motion| {
         let found = found(&given, motion);
-        (rotation_error(&exact, &given, &found), scores(&given, &found), found.pose_memory)
+        (rotation_error(&exact, &given, &found), scores(&given, &found), found.pose_correlation_length)
     };
     let (none, slow) = (of(None), of(Some(PoseMotion::Auto)));
     println!("slow: {none:?} -> {slow:?}");
@@ -121,7 +121,7 @@ fn errors_of_a_few_frames_are_told_from_independent_ones() {
     for (memory, expected) in [(0.0, 0.0..1.0), (20.0, 10.0..40.0)] {
         let (given, _) = with_errors(&exact, [0.01, 0.2], memory);
         let found = found(&given, Some(PoseMotion::Auto));
-        let chosen = found.pose_memory.unwrap();
+        let chosen = found.pose_correlation_length.unwrap();
         assert!(expected.contains(&chosen), "{memory}: {chosen}");
         let honest = scores(&given, &found).1;
         assert!((4.0..16.0).contains(&honest), "{memory}: {honest}");

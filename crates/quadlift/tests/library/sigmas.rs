@@ -27,7 +27,7 @@ fn sigmas_of(localization: &Localization) -> Sigmas {
 
 /// The scene with some of its objects only, which have other indices there.
 fn part(scene: &Scene, keep: impl Fn(usize) -> bool) -> Scene {
-    let hidden = scene.hidden_edges(|_| true);
+    let hidden = scene.occluded_edges(|_| true);
     let mut part = scene.clone().into_parts();
     part.object_ids = Vec::new();
     let mut index = vec![None; scene.object_ids.len()];
@@ -36,7 +36,7 @@ fn part(scene: &Scene, keep: impl Fn(usize) -> bool) -> Scene {
         part.object_ids.push(scene.object_ids[object].clone());
     }
     for (detection, hidden) in part.detections.iter_mut().zip(hidden) {
-        detection.hidden_edges = Some(hidden);
+        detection.occluded_edges = Some(hidden);
         detection.object_index = detection.object_index.and_then(|object| index[object as usize]);
     }
     part.detections.retain(|detection| detection.object_index.is_some());

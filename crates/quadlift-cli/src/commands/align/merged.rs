@@ -106,7 +106,7 @@ fn localize_again(args: &Args, merged: &mut Merged, out: &Output) -> anyhow::Res
     let title = "the merged map";
     let localize = LocalizeOptions {
         source: args.source.clone(),
-        accept_inconsistent: args.accept_inconsistent,
+        allow_inconsistent: args.allow_inconsistent,
         ..Default::default()
     };
     let options = RunOptions { localize, associate: AssociateWhen::Never, ..Default::default() };
@@ -114,13 +114,13 @@ fn localize_again(args: &Args, merged: &mut Merged, out: &Output) -> anyhow::Res
     let input = FileInput::from_file(file, &args.a, &[])?;
     let run = run_scene(title, input, &file_options(options, PriorSource::None)?, out)?;
     let check = &run.run.check;
-    if !check.diagnosis.consistent && !args.accept_inconsistent {
+    if !check.diagnosis.consistent && !args.allow_inconsistent {
         let diagnosis = run.diagnosis();
         let why = diagnosis.in_words().unwrap_or_default();
         let text = format!("{title} is inconsistent, though each map may be consistent: {why}");
         return Err(InconsistentError { text, diagnosis }.into());
     }
-    tell(check, &run.input.context, args.accept_inconsistent, title, out);
+    tell(check, &run.input.context, args.allow_inconsistent, title, out);
     let mut result = run.result();
     result.detections = run.input.file.detections.clone();
     let estimates = &run.localization().estimates;

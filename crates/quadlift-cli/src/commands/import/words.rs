@@ -8,13 +8,13 @@ use crate::output::Output;
 use crate::words::{count, some_of};
 
 /// Problems that are printed, at most.
-const MOST_TOLD: usize = 10;
+const MAX_REPORTED: usize = 10;
 
 /// Prints what was left out.
 pub(crate) fn tell_problems(import: &Import, out: &Output) {
-    import.problems.iter().take(MOST_TOLD).for_each(|problem| out.warning(problem));
-    if import.problem_count > MOST_TOLD {
-        out.warning(&format!("{} more problems of this log", import.problem_count - MOST_TOLD));
+    import.problems.iter().take(MAX_REPORTED).for_each(|problem| out.warning(problem));
+    if import.problem_count > MAX_REPORTED {
+        out.warning(&format!("{} more problems of this log", import.problem_count - MAX_REPORTED));
     }
 }
 

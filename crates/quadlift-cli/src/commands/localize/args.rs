@@ -39,7 +39,7 @@ Examples:
   quadlift localize 'scenes/kitti_*.json' -o estimates/ --json
 
 Exit codes: 0 success; 1 a scene failed, or none of its objects could be localized; 2 wrong usage; 3 a scene is
-inconsistent (poses, cameras and boxes do not fit together), and --accept-inconsistent is not given."
+inconsistent (poses, cameras and boxes do not fit together), and --allow-inconsistent is not given."
 )]
 pub(crate) struct Args {
     /// Scene files, folders that hold them, patterns in quotes, or logs in MCAP; - is the standard input

@@ -130,7 +130,7 @@ pub(super) fn one_scene(
     let undetermined = |e: &Estimate| matches!(e.status, Status::Degenerate | Status::TooFewViews);
     let check = &run.run.check;
     let unchecked = !check.is_explained() && localization.estimates.iter().all(undetermined);
-    let accepted = options.run.localize.accept_inconsistent;
+    let accepted = options.run.localize.allow_inconsistent;
     let outcome = if unchecked { Outcome::Fine } else { tell(check, &run.input.context, accepted, &title, out) };
     if localized == 0 && outcome == Outcome::Fine {
         return Err(anyhow!("{title}: no object could be localized"));
@@ -165,7 +165,7 @@ fn tell_details(run: &FileRun, record: &RunRecord, out: &Output) {
             out.detail(&one_line(&line));
         }
     }
-    for size in &record.learnt_sizes {
+    for size in &record.learned_sizes {
         out.detail(&one_line(&learned_size(size)));
     }
     if let Some(points) = &record.pose_points {

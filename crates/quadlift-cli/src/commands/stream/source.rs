@@ -141,7 +141,7 @@ impl Source {
 /// Opens a log; what is used of it is reported.
 fn open_log(path: &Path, source: Option<&str>, mut options: McapOptions, out: &Output) -> anyhow::Result<Kind> {
     // What cannot be used is an event.
-    options.keep_going = true;
+    options.skip_errors = true;
     options.topics.extend(source.map(str::to_owned));
     let log = McapLog::open(path, options)?;
     if !log.has_detections() {

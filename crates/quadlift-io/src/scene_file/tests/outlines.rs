@@ -27,11 +27,11 @@ fn outlines_and_turned_boxes_are_lines_of_detections_and_kept() {
     let file = read(&outline);
     let detection = &file.to_scene().unwrap().detections[0];
     assert_eq!(detection.bounding_box.unwrap().edges(), [20.0, 30.0, 60.0, 80.5]);
-    assert_eq!(detection.support_lines.as_deref().unwrap().count(), 8);
+    assert_eq!(detection.tangent_lines.as_deref().unwrap().count(), 8);
     let turned = json!({"oriented_box": {"center": [80, 60], "size": [30, 10], "angle": 0.5, "note": "kept"}});
     let both = read(&turned);
     let detection = &both.to_scene().unwrap().detections[0];
-    let ellipse = detection.support_lines.as_deref().unwrap().inscribed_ellipse().unwrap();
+    let ellipse = detection.tangent_lines.as_deref().unwrap().inscribed_ellipse().unwrap();
     assert!((ellipse.center() - nalgebra::Vector2::new(80.0, 60.0)).norm() < 1e-12 && ellipse.angle() == 0.5);
     for (file, fields) in [(file, outline), (both, turned)] {
         let mut bytes = Vec::new();

@@ -127,9 +127,16 @@ fn detection() -> impl Strategy<Value = DetectionRecord> {
     let levels = (option::of(number()), option::of(number()), option::of(number()), option::of(number()));
     let shares = (option::of(number()), option::of(number()), option::of(number()));
     let segmentation = (text(), text(), option::of(text()), shares, extra()).prop_map(
-        |(method, status, reason, (confidence, cut_by_border, touches_others), extra)| {
-            let record =
-                SegmentationRecord { method, status, reason, confidence, cut_by_border, touches_others, extra };
+        |(method, status, reason, (confidence, truncated_by_border, touches_other_masks), extra)| {
+            let record = SegmentationRecord {
+                method,
+                status,
+                reason,
+                confidence,
+                truncated_by_border,
+                touches_other_masks,
+                extra,
+            };
             Box::new(record)
         },
     );

@@ -6,7 +6,7 @@ use super::frame_order::FrameOrder;
 use super::observations::{BoxObservation, Observations};
 use super::point_tree::PointTree;
 use super::sizes::LogSize;
-use crate::association::options::{AssociateOptions, IdUse};
+use crate::association::options::{AssociateOptions, IdPolicy};
 use crate::association::statistics::DetectionRate;
 use crate::scene::Scene;
 use crate::solve::CategoryPriors;
@@ -59,13 +59,13 @@ impl<'a> AssociationContext<'a> {
             rate: DetectionRate::new(cameras.len().max(observations.boxes.len())),
             longest_focal: cameras.iter().map(|c| c.focal).fold(0.0, f64::max),
             given_sizes: observations.categories.iter().map(given).collect(),
-            weighs_ids: options.ids == IdUse::Evidence && observations.boxes.iter().any(|b| b.id.is_some()),
+            weighs_ids: options.ids == IdPolicy::Evidence && observations.boxes.iter().any(|b| b.id.is_some()),
         }
     }
 
     /// Whether the object id of a box is trusted.
     pub(crate) fn is_trusted(&self, observation: &BoxObservation) -> bool {
-        self.options.ids == IdUse::Trust && observation.id.is_some()
+        self.options.ids == IdPolicy::Trust && observation.id.is_some()
     }
 
     /// Frames whose cameras are near enough for an object of this size to appear as large as the boxes, ascending.

@@ -8,7 +8,7 @@
 //!   ellipses. Here there is one level and independent views: whether a box belongs to the object is decided outside of the fit.
 //! - Here depth is held while derivatives are taken, and a body behind a camera ends the fit, which only ranks sets of boxes. The
 //!   estimator differentiates by depth, and clamps it to get away from behind a camera.
-//! - The prior on size is one of the mean log semi-axis here, because it is learnt from the scene. The estimator's has length,
+//! - The prior on size is one of the mean log semi-axis here, because it is learned from the scene. The estimator's has length,
 //!   width and height of a category.
 //! - The constants are wider here (`STUDENT_T_DOF` 5 and not 9, [`SHAPE_SD`] 0.5 and not 0.4): sets of boxes hold wrong ones,
 //!   and few boxes say little about shapes.
@@ -31,7 +31,7 @@ use crate::optimize::normal_equations::NormalEquations;
 /// bodies are compared here by few boxes. Not swept.
 pub(crate) const SHAPE_SD: f64 = 0.5;
 
-const STOP: Stop = Stop { evaluations: 40, promised_decrease: 1e-3 };
+const STOP: Stop = Stop { evaluations: 40, min_predicted_decrease: 1e-3 };
 
 /// The start of a fit.
 #[derive(Debug, Clone, Copy)]

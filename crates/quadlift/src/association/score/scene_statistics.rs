@@ -1,4 +1,4 @@
-//! Statistics learnt from the scene: noise, clutter rate, sizes, volume of the scene.
+//! Statistics learned from the scene: noise, clutter rate, sizes, volume of the scene.
 
 use nalgebra::Vector2;
 
@@ -21,7 +21,7 @@ const MIN_INFORMATIVE_VIEWS: usize = 4;
 /// Largest standard deviation of a frame's shift, pixels.
 pub(crate) const LARGEST_SHIFT_SD: f64 = 10.0;
 
-/// Learnt statistics of a scene.
+/// Learned statistics of a scene.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct SceneStatistics {
@@ -49,7 +49,7 @@ pub(crate) struct SceneStatistics {
 }
 
 impl SceneStatistics {
-    /// Before anything is learnt.
+    /// Before anything is learned.
     pub(crate) fn new(observations: &Observations, given_sizes: Vec<Option<LogSize>>, pixel_sd: f64) -> Self {
         let per_frame = observations.boxes.len() as f64 / observations.cameras.len().max(1) as f64;
         Self {
@@ -57,12 +57,12 @@ impl SceneStatistics {
             log_sizes: given_sizes,
             hidden: vec![[false; 4]; observations.boxes.len()],
             shifts: vec![Vector2::zeros(); observations.cameras.len()],
-            ..Self::unlearnt(pixel_sd)
+            ..Self::unlearned(pixel_sd)
         }
     }
 
     /// Before there is any box.
-    pub(crate) fn unlearnt(pixel_sd: f64) -> Self {
+    pub(crate) fn unlearned(pixel_sd: f64) -> Self {
         Self {
             edge_sd: FIRST_EDGE_SD,
             pixel_sd,

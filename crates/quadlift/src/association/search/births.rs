@@ -31,7 +31,7 @@ const TESTED_IN_ALL: usize = 200_000;
 const FIRST_LEAST_SCORE: f64 = 4.0;
 
 /// A birth that has lost most of its boxes to others is dropped.
-const MOST_TAKEN: f64 = 0.75;
+const MAX_ASSIGNED_SHARE: f64 = 0.75;
 
 /// A sphere and its boxes.
 #[derive(Debug, Clone)]
@@ -80,7 +80,7 @@ pub(crate) fn births(
             continue;
         }
         let taken = 1.0 - free.len() as f64 / birth.boxes.len() as f64;
-        if taken > MOST_TAKEN || free.len() < least_views || rescored >= 3 {
+        if taken > MAX_ASSIGNED_SHARE || free.len() < least_views || rescored >= 3 {
             continue;
         }
         // Better births have taken some of its boxes: it is rescored on the remaining ones.

@@ -27,7 +27,7 @@ impl State {
             if round < BIRTH_ROUNDS || round == last_births {
                 let count = self.objects.len();
                 if round == 1 {
-                    // The first round has learnt the shifts of the frames: everything is worth another try.
+                    // The first round has learned the shifts of the frames: everything is worth another try.
                     tried.clear();
                 }
                 self.add_births(context, &mut tried);

@@ -66,7 +66,7 @@ pub(crate) fn spread(squares: f64, frames: usize) -> Option<f64> {
     (frames >= MIN_INFORMATIVE_FRAMES).then(sd)
 }
 
-/// Estimates the shifts from all objects (their most probable values, with a Gaussian prior whose spread is learnt) and
+/// Estimates the shifts from all objects (their most probable values, with a Gaussian prior whose spread is learned) and
 /// moves the boxes.
 pub(crate) fn learn_shifts(observations: &mut Observations, statistics: &mut SceneStatistics, objects: &[Object]) {
     let mut estimates = vec![FrameShift::new(statistics.shift_sd); observations.cameras.len()];

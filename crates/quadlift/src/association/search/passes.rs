@@ -11,7 +11,7 @@ use super::growth::grow;
 use super::state::State;
 use crate::association::input::context::AssociationContext;
 use crate::association::input::observations::Observations;
-use crate::association::options::{IdUse, Part};
+use crate::association::options::{IdPolicy, Part};
 use crate::association::score::fit::{Start, fit};
 use crate::association::score::object::Object;
 use crate::association::score::rays::triangulate_sphere;
@@ -93,7 +93,7 @@ fn passes(context: &AssociationContext, state: &State, steps: &Steps) -> State {
             best = better(context, best, pass(state.clone(), order));
         }
     }
-    // Second pass with the learnt statistics: noise, sizes, and in particular the shifts of the frames.
+    // Second pass with the learned statistics: noise, sizes, and in particular the shifts of the frames.
     if context.options.uses(Part::SecondPass) {
         let again = pass(best.clone(), Some(&context.order.frames));
         best = better(context, best, again);
@@ -167,7 +167,7 @@ pub(crate) fn fit_rays(observations: &Observations, statistics: &SceneStatistics
 
 /// Objects of trusted ids.
 fn trusted_objects(context: &AssociationContext, state: &State) -> Vec<Object> {
-    if context.options.ids != IdUse::Trust {
+    if context.options.ids != IdPolicy::Trust {
         return Vec::new();
     }
     let observations = &state.observations;

@@ -21,7 +21,7 @@ use crate::scene::ObjectViews;
 /// a scene, see [`super::map`]; here it gives the result of `planes`.
 pub(crate) fn solve_closed_form(object: &ObjectViews, method: &Method, enclosing_quantile: f64) -> Estimate {
     let blank = |status| Estimate::failed(object.object_index, object.category_index, status);
-    if object.views.len() < method.fewest_views() {
+    if object.views.len() < method.min_views() {
         return blank(Status::TooFewViews);
     }
     let observations: Vec<(Projection, Ellipse)> =

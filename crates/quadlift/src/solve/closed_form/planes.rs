@@ -52,7 +52,7 @@ pub(crate) fn planes_in_frame(views: &[View], frame: &ObjectFrame) -> Result<Dua
         let p = frame.local_projection(&view.projection);
         // Depth of the frame's origin; its sign must not matter, a row may be multiplied by anything.
         let depth = p[(2, 3)].abs().max(f64::MIN_POSITIVE);
-        if let Some(lines) = &view.support_lines {
+        if let Some(lines) = &view.tangent_lines {
             let half = depth * lines.mean_half_size();
             let free = lines.lines().filter(|line| !line.end.is_open());
             rows.extend(free.map(|line| tangency_row(&(support_plane(&p, &line) / half))));

@@ -23,7 +23,7 @@ pub(crate) use self::shared::pose_points::PosePoints;
 pub(crate) use self::shared::pose_unknowns::PoseUnknowns;
 use super::cue_scale::CueScale;
 use super::estimate::Estimate;
-use super::learnt_size::LearntCategorySize;
+use super::learned_size::LearnedCategorySize;
 use super::options::PoseNoise;
 use super::pose_points_report::PosePointsReport;
 use super::prediction::{Fold, FoldPrediction, predict_fold};
@@ -46,15 +46,15 @@ pub(crate) struct MapSolution {
     /// Root mean square corrections of the poses, if estimated.
     pub pose_noise: Option<PoseNoise>,
     /// Frames over which their errors last.
-    pub pose_memory: Option<f64>,
+    pub pose_correlation_length: Option<f64>,
     /// Corrections of the poses.
     pub refined_poses: Vec<RefinedPose>,
     /// The points with the corrected poses.
     pub pose_points: Option<PosePointsReport>,
     /// The scales of cues.
     pub cue_scales: Vec<CueScale>,
-    /// The learnt sizes of categories.
-    pub learnt_sizes: Vec<LearntCategorySize>,
+    /// The learned sizes of categories.
+    pub learned_sizes: Vec<LearnedCategorySize>,
     /// The fitted kind of body; `None` if objects differ.
     pub body: Option<BodyKind>,
     /// The chosen folds.
@@ -82,7 +82,7 @@ pub(crate) fn map(
     let options = context.options;
     let stride = count.div_ceil(NOISE_SAMPLE).max(1);
     let sample: Vec<usize> = (0..count).step_by(stride).collect();
-    let fitted = |body_kinds: &[BodyKind]| SceneFit::without_upright(body_kinds, &|k| views_of(sample[k]), context);
+    let fitted = |body_kinds: &[BodyKind]| SceneFit::fit(body_kinds, &|k| views_of(sample[k]), context);
     // Without shared unknowns, each object is fitted independently.
     let apart = options.sigmas.is_some() && !context.has_shared_unknowns();
     let together = |body_kinds: &[BodyKind]| fitted(if apart { &[] } else { body_kinds });
@@ -97,7 +97,7 @@ pub(crate) fn map(
             (if as_they_are { scene } else { together(body_kinds.of_each()) }, body_kinds)
         }
     };
-    let scene = scene.with_upright(context).with_learnt_sizes(context);
+    let scene = scene.with_upright(context).with_learned_sizes(context);
     let pose_points = scene.pose_points(context);
     if let Some(pose_points) = pose_points.and_then(PosePoints::left_out) {
         return map(count, views_of, &MapContext { pose_points, ..context.clone() }, folds);
@@ -135,16 +135,16 @@ pub(crate) fn map(
     });
     let (noise, pose_noise) = (scene.noise_report(context), scene.pose_noise());
     let cue_scales = scene.scales().found().filter_map(FoundScale::report).collect();
-    let learnt_sizes = scene.sizes().report();
+    let learned_sizes = scene.sizes().report();
     MapSolution {
         estimates,
         noise,
         pose_noise,
-        pose_memory: scene.pose_memory(),
+        pose_correlation_length: scene.pose_correlation_length(),
         refined_poses: scene.refined_poses(),
         pose_points,
         cue_scales,
-        learnt_sizes,
+        learned_sizes,
         body: body_kinds.of_all(),
         folds,
         predicted,

@@ -9,7 +9,7 @@ pub(crate) enum NoiseGroup {
     /// [`crate::solve::map::residuals::measurements`]).
     Edge,
     /// Edge of a box that is probably hidden by another box.
-    HiddenEdge,
+    OccludedEdge,
     /// Center of an ellipse, relative to its mean semi-axis.
     EllipseCenter,
     /// Logarithm of the mean semi-axis of an ellipse.
@@ -38,7 +38,7 @@ impl NoiseGroup {
     /// All groups, in the order of their indices.
     pub(crate) const ALL: [Self; GROUPS] = [
         Self::Edge,
-        Self::HiddenEdge,
+        Self::OccludedEdge,
         Self::EllipseCenter,
         Self::EllipseSize,
         Self::EllipseAspect,
@@ -60,7 +60,7 @@ impl NoiseGroup {
     /// Whether it is an edge, hidden or not.
     #[inline]
     pub(crate) fn is_edge(self) -> bool {
-        matches!(self, Self::Edge | Self::HiddenEdge)
+        matches!(self, Self::Edge | Self::OccludedEdge)
     }
 
     /// Whether it is an error of a depth or of a 3D box.

@@ -5,15 +5,15 @@
 
 use super::common_errors::COMMON_CLASSES;
 use super::groups::{CORRELATIONS, GROUPS, NoiseGroup};
+use super::noise_prior::posterior_level;
 use super::object_spread::Spread;
 use super::statistics::NoiseStatistics;
-use super::usual_level::most_probable;
 use crate::optimize::median::median;
 use crate::solve::sigmas::{COMMON_NAMES, CORRELATION_NAMES, SPREAD_NAMES, Sigmas};
 use crate::tuning::CORRELATED_FROM;
-use crate::tuning::HIDDEN_RATIO;
 use crate::tuning::MANY_VIEWS;
 use crate::tuning::NOISE_FLOOR;
+use crate::tuning::OCCLUDED_RATIO;
 use crate::tuning::TEMPERING;
 
 /// Start of the estimation, and the typical level of detectors. Of depths: the mean relative error of networks that estimate metric
@@ -22,7 +22,7 @@ use crate::tuning::TEMPERING;
 const DEFAULTS: [f64; GROUPS] = [0.1, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.2, 0.1, 0.1, 0.02, 0.1, 0.15];
 
 /// The usual level of a group.
-pub(crate) fn usual_level(group: NoiseGroup) -> f64 {
+pub(crate) fn noise_prior(group: NoiseGroup) -> f64 {
     DEFAULTS[group as usize]
 }
 
@@ -117,7 +117,7 @@ impl NoiseLevels {
     pub(crate) fn given(sigmas: &Sigmas, pixel_size: f64) -> Self {
         let of_group = |group: NoiseGroup| sigmas.get(group.name()).map(|x| x / reported_part(group));
         let sd = NoiseGroup::ALL.map(|group| {
-            let hidden = (group == NoiseGroup::HiddenEdge).then(|| of_group(NoiseGroup::Edge).map(|edge| 2.0 * edge));
+            let hidden = (group == NoiseGroup::OccludedEdge).then(|| of_group(NoiseGroup::Edge).map(|edge| 2.0 * edge));
             of_group(group).or(hidden.flatten()).unwrap_or(DEFAULTS[group as usize]).max(NOISE_FLOOR.get())
         });
         let edge = [sigmas.get("edge_px"), sigmas.get("edge_relative")];
@@ -196,23 +196,23 @@ impl NoiseLevels {
         let mut sd = NoiseGroup::ALL.map(|group| {
             let (level, dof) = told(group);
             let (usual, weight) = (DEFAULTS[group as usize], self.typical_weights[group as usize]);
-            weight * most_probable(level, dof, counted(&[group]), [usual, usual / weight])
+            weight * posterior_level(level, dof, counted(&[group]), [usual, usual / weight])
         });
         // What hidden and other edges tell of the level goes together, once it is known how much noisier hidden ones are.
-        let ((level, dof), (of_hidden, of_hidden_freedom)) = (told(NoiseGroup::Edge), told(NoiseGroup::HiddenEdge));
-        let mut ratio = HIDDEN_RATIO.get();
+        let ((level, dof), (of_hidden, of_hidden_freedom)) = (told(NoiseGroup::Edge), told(NoiseGroup::OccludedEdge));
+        let mut ratio = OCCLUDED_RATIO.get();
         if dof > 0.0 && of_hidden_freedom > 0.0 {
             // The variance of the logarithm of a level is half of 1 / freedom.
             let share = 1.0 / (1.0 + RATIO_FREEDOM * (1.0 / dof + 1.0 / of_hidden_freedom));
-            ratio = (share * (of_hidden / level).ln() + (1.0 - share) * HIDDEN_RATIO.get().ln()).exp();
+            ratio = (share * (of_hidden / level).ln() + (1.0 - share) * OCCLUDED_RATIO.get().ln()).exp();
         }
         let all = dof + of_hidden_freedom;
         if all > 0.0 {
             let squares = dof * level * level + of_hidden_freedom * (of_hidden / ratio).powi(2);
-            let counted = counted(&[NoiseGroup::Edge, NoiseGroup::HiddenEdge]);
-            let edge = most_probable((squares / all).sqrt(), all, counted, [DEFAULTS[NoiseGroup::Edge as usize]; 2]);
+            let counted = counted(&[NoiseGroup::Edge, NoiseGroup::OccludedEdge]);
+            let edge = posterior_level((squares / all).sqrt(), all, counted, [DEFAULTS[NoiseGroup::Edge as usize]; 2]);
             sd[NoiseGroup::Edge as usize] = edge.max(NOISE_FLOOR.get());
-            sd[NoiseGroup::HiddenEdge as usize] = (ratio * edge).max(NOISE_FLOOR.get());
+            sd[NoiseGroup::OccludedEdge as usize] = (ratio * edge).max(NOISE_FLOOR.get());
         }
         // What remains of exact data is the pull of the priors, which says nothing about measurements.
         let exact = sd[NoiseGroup::Edge as usize] < 2.0 * NOISE_FLOOR.get();
@@ -307,11 +307,11 @@ mod tests {
 
     #[test]
     fn hidden_edges_have_a_factor_of_their_own_once_they_are_many() {
-        let both = [NoiseGroup::Edge, NoiseGroup::HiddenEdge];
-        let ratio = |levels: &NoiseLevels| levels.of(NoiseGroup::HiddenEdge) / levels.of(NoiseGroup::Edge);
+        let both = [NoiseGroup::Edge, NoiseGroup::OccludedEdge];
+        let ratio = |levels: &NoiseLevels| levels.of(NoiseGroup::OccludedEdge) / levels.of(NoiseGroup::Edge);
         assert!((1.0..1.01).contains(&ratio(&levels(&both, 0.03, 4000, 10).0)));
         assert!((1.3..1.9).contains(&ratio(&levels(&both, 0.03, 8, 10).0)));
-        assert_eq!(ratio(&levels(&[NoiseGroup::Edge], 0.03, 100, 10).0), HIDDEN_RATIO.get());
+        assert_eq!(ratio(&levels(&[NoiseGroup::Edge], 0.03, 100, 10).0), OCCLUDED_RATIO.get());
     }
 
     #[test]
@@ -333,7 +333,7 @@ mod tests {
         assert!((given.pixel_size - 50.0).abs() < 1e-9);
         assert_eq!(NoiseLevels::given(&Sigmas::default(), 67.0), NoiseLevels::new(67.0));
         let edges = NoiseLevels::given(&Sigmas::new([("edge_relative", 0.03)]).unwrap(), 67.0);
-        assert_eq!(edges.of(NoiseGroup::HiddenEdge), 2.0 * edges.of(NoiseGroup::Edge));
+        assert_eq!(edges.of(NoiseGroup::OccludedEdge), 2.0 * edges.of(NoiseGroup::Edge));
     }
 
     #[test]

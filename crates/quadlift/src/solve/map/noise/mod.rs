@@ -4,7 +4,7 @@ pub(crate) mod common_errors;
 pub(crate) mod groups;
 pub(crate) mod object_spread;
 pub(crate) mod statistics;
-pub(crate) mod usual_level;
+pub(crate) mod noise_prior;
 pub(crate) mod levels;
 
 #[cfg(test)]

@@ -41,7 +41,7 @@ impl Reference {
 
     /// Not more than the noise levels themselves: a scene of a single object, or one in which most objects hold a false
     /// box, does not excuse them.
-    pub(crate) fn at_most_the_noise(self, noise: &NoiseLevels) -> Self {
+    pub(crate) fn clamped_to_noise(self, noise: &NoiseLevels) -> Self {
         Self(self.0.min(Self::of_noise(noise).0))
     }
 

@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use super::agreement::Reference;
 use super::covariance::log_determinant_of;
 use super::first_fit::TURNED_STARTS;
-use super::fit::{Fit, POLISH};
+use super::fit::{FINAL_TERMINATION, Fit};
 use super::model::Model;
 use crate::body_model::BodyModel;
 use crate::geometry::{Body, ConvexBody, rotation_vector};
@@ -62,7 +62,7 @@ impl Fit {
         if let Some((_, Other { model, equations })) =
             found.first().filter(|(found, _)| found.log_odds > MIN_SWAP_LOG_ODDS && swaps < MAX_SWAPS)
         {
-            // The rounds ended in a worse minimum. The odds grow with each step, but for priors with kinks (learnt sizes), whose
+            // The rounds ended in a worse minimum. The odds grow with each step, but for priors with kinks (learned sizes), whose
             // determinant does not tell them.
             let better = Self { body: model.clone(), equations: *equations, converged: true, ..self.clone() };
             return better.estimate_after(noise, reference, shared, swaps + 1, context);
@@ -81,7 +81,7 @@ impl Fit {
     fn alternatives(&self, body: &Body, noise: &NoiseLevels) -> Vec<(Alternative, Other)> {
         let objective = self.objective(noise, self.outlier_scale);
         let descend = |start: Model, stop| minimize(start, stop, |body| objective.linearize(body), BodyModel::retract);
-        let Some((_, best)) = descend(self.body.clone(), POLISH) else { return Vec::new() };
+        let Some((_, best)) = descend(self.body.clone(), FINAL_TERMINATION) else { return Vec::new() };
         let frame = &self.problem.measurements.frame;
         let evidence = |end: &NormalEquations| Some(-0.5 * (end.cost + log_determinant_of(end)?));
         let Some(own) = evidence(&best) else { return Vec::new() };
@@ -99,7 +99,7 @@ impl Fit {
             if is_new(&start).is_none() {
                 continue;
             }
-            let Some((model, equations)) = descend(start, POLISH) else { continue };
+            let Some((model, equations)) = descend(start, FINAL_TERMINATION) else { continue };
             let Some(log_odds) = evidence(&equations).map(|other| other - own) else { continue };
             if let Some(body) = is_new(&model).filter(|_| log_odds > MIN_LOG_ODDS.get()) {
                 found.push((Alternative { body, log_odds }, Other { model, equations }));

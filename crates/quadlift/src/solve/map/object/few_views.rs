@@ -18,7 +18,7 @@ const FEWEST_TO_LEAVE_OUT: usize = 3;
 impl Fit {
     /// If this fit to three or four views contradicts them: the fit without one of them, if the others are consistent
     /// and no other subset is. Two views agree by chance more often than three do; the choice must therefore be clear.
-    pub(crate) fn without_one_view(
+    pub(crate) fn reject_one_of_few_views(
         &self,
         noise: &NoiseLevels,
         reference: Reference,

@@ -14,7 +14,7 @@ use crate::optimize::normal_equations::NormalEquations;
 use crate::solve::map::noise::levels::NoiseLevels;
 
 /// Position and size for a start with a given rotation.
-const IN_PLACE: Stop = Stop { evaluations: 4, promised_decrease: 1.0 };
+const IN_PLACE: Stop = Stop { evaluations: 4, min_predicted_decrease: 1.0 };
 
 /// Number of placed starts that are also optimized in rotation. With all 17 of a cuboid a first fit takes a third
 /// longer and finds no better minima (300 synthetic cuboids, exact and with 2 % noise).
@@ -25,7 +25,7 @@ pub(crate) const TURNED_STARTS: usize = 6;
 pub(crate) const ALL: usize = usize::MAX;
 
 /// To decide between many starts: few steps.
-const SCREENING: Stop = Stop { evaluations: 15, promised_decrease: 1e-1 };
+const SCREENING: Stop = Stop { evaluations: 15, min_predicted_decrease: 1e-1 };
 
 /// Oriented starts that are refined to the end. With 10 of them the results of the same 300 change by at most 0.001,
 /// and it is slower.

@@ -33,14 +33,14 @@ use crate::solve::map::shared::pose_terms::{FrameTerm, ObjectPoseTerms};
 use crate::solve::report::{describe, is_a_body};
 
 /// Between two estimates of the noise levels.
-const BETWEEN_ROUNDS: Stop = Stop { evaluations: 6, promised_decrease: 0.1 };
+const INNER_TERMINATION: Stop = Stop { evaluations: 6, min_predicted_decrease: 0.1 };
 
 /// The end.
-pub(crate) const POLISH: Stop = Stop { evaluations: 40, promised_decrease: 1e-4 };
+pub(crate) const FINAL_TERMINATION: Stop = Stop { evaluations: 40, min_predicted_decrease: 1e-4 };
 
 /// A fit whose cost could still decrease by more than this has not converged: the decrease is about the squared
 /// distance to the minimum in standard deviations of the estimate, of which a tenth is negligible.
-const LARGEST_PROMISE: f64 = 0.01;
+const MAX_REMAINING_DECREASE: f64 = 0.01;
 
 /// Mean squared whitened residual of a view (four edges: 4 is what the noise gives) above which a plain fit is suspect.
 const SUSPECT_COST: f64 = 12.0;
@@ -51,7 +51,7 @@ const SUSPECT_COST: f64 = 12.0;
 const FAR_BEYOND_NOISE: f64 = 10.0;
 
 /// Rounds in which a body with several starts is fitted from other starts.
-const RESTARTED: usize = 4;
+const MAX_RESTART_ROUNDS: usize = 4;
 
 /// A fitted object.
 #[derive(Clone)]
@@ -242,9 +242,9 @@ impl Fit {
             let again = |scale| {
                 let (body, _) = before.problem.started_at(&self.ellipsoid, noise, scale, 1 + round, ALL)?;
                 let objective = before.objective(noise, scale);
-                minimize(body, BETWEEN_ROUNDS, |body| objective.linearize(body), BodyModel::retract)
+                minimize(body, INNER_TERMINATION, |body| objective.linearize(body), BodyModel::retract)
             };
-            let restart = round < RESTARTED || self.problem.prior.log_size.is_some();
+            let restart = round < MAX_RESTART_ROUNDS || self.problem.prior.log_size.is_some();
             if restart
                 && let Some((body, equations)) = again(fit.outlier_scale).filter(|(_, n)| n.cost < fit.equations.cost)
             {
@@ -267,7 +267,7 @@ impl Fit {
     }
 
     /// The same, with depths compared with what perspective shows of its body, and with outlines near it by harmonics.
-    fn looked_at(&self, noise: &NoiseLevels) -> Self {
+    fn with_updated_measurements(&self, noise: &NoiseLevels) -> Self {
         let mut problem = self.problem.clone();
         if problem.measurements.has_outlines() {
             choose_harmonics(&mut Arc::make_mut(&mut problem).measurements, &self.body, noise);
@@ -282,14 +282,14 @@ impl Fit {
 
     /// The fit under new noise levels. If it cannot be evaluated, its cost is infinite and its status is diverged.
     pub(crate) fn refined(&self, noise: &NoiseLevels, last: bool) -> Self {
-        let stop = if last { POLISH } else { BETWEEN_ROUNDS };
-        let fit = self.looked_at(noise);
+        let stop = if last { FINAL_TERMINATION } else { INNER_TERMINATION };
+        let fit = self.with_updated_measurements(noise);
         let plain = fit.objective(noise, None);
         let scale = self.outlier_scale.map(|_| outlier_scale(plain.view_costs(&self.body), noise));
         let objective = Objective { outlier_scale: scale, ..plain };
         match minimum(self.body.clone(), stop, |body| objective.linearize(body), BodyModel::retract) {
             Some(Minimum { state: body, equations, end }) => {
-                let converged = !matches!(end, End::UsedUp { promised } if promised > LARGEST_PROMISE);
+                let converged = !matches!(end, End::UsedUp { promised } if promised > MAX_REMAINING_DECREASE);
                 Self { body, equations, outlier_scale: scale, converged, ..fit }
             }
             None => Self { equations: NormalEquations::nowhere(), ..fit },
@@ -313,7 +313,7 @@ impl Fit {
 
     /// The fit without views that are far beyond the noise, where it is a plain one to enough views: it has followed them
     /// a little, and they do not count as used.
-    pub(crate) fn without_far_views(self, noise: &NoiseLevels, reference: Reference, context: &MapContext) -> Self {
+    pub(crate) fn reject_gross_outliers(self, noise: &NoiseLevels, reference: Reference, context: &MapContext) -> Self {
         let enough = self.problem.views.views.len() >= FEWEST_VIEWS;
         let limit = self.largest_cost(reference);
         if self.outlier_scale.is_some() || !context.options.robust || !enough {

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Matrix3x4, Point3, Rotation3, SVector, Vector2, Vector3}
 use proptest::prelude::*;
 
 use super::objective::Objective;
-use super::prior::{LearntSize, ObjectPrior};
+use super::prior::{LearnedSize, ObjectPrior};
 use super::size_site::{Matrix6, ShapeInformation, SizeSite, Vector6};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
@@ -36,11 +36,11 @@ fn view(azimuth: f64, ellipse: Option<Ellipse>, bounding_box: Option<[f64; 4]>) 
         projection: projection(azimuth),
         image_size: Some(Vector2::new(640.0, 480.0)),
         box_in_image: None,
-        support_lines: None,
+        tangent_lines: None,
         partial: false,
         bounding_box: bounding_box.map(|b| BoundingBox::new(b).unwrap()),
         ellipse,
-        hidden_edges: [false; 4],
+        occluded_edges: [false; 4],
         cut_off: [false; 4],
         cues: Default::default(),
         depth_scale: crate::scene::DepthScale::Source,
@@ -148,13 +148,13 @@ fn prior(up: Vector3<f64>) -> ObjectPrior {
     }
 }
 
-/// A learnt size in the place of that of the category: of an oriented body, and of an ellipsoid.
-fn learnt(up: Vector3<f64>, ellipsoid: bool) -> ObjectPrior {
+/// A learned size in the place of that of the category: of an oriented body, and of an ellipsoid.
+fn learned(up: Vector3<f64>, ellipsoid: bool) -> ObjectPrior {
     let prior = ObjectPrior { log_size: None, shape_weight: 0.0, ..prior(up) };
     let covariance = Matrix3::new(0.02, 0.01, 0.0, 0.01, 0.03, -0.01, 0.0, -0.01, 0.04);
     let size = SizeDistribution { mean: Vector3::new(0.4, 0.0, -0.3), covariance, dof: 8.0, named: false };
     if !ellipsoid {
-        return ObjectPrior { learnt_size: LearntSize::new(&size, None, 0.6), ..prior };
+        return ObjectPrior { learned_size: LearnedSize::new(&size, None, 0.6), ..prior };
     }
     let (information, axes) = (Matrix6::identity() * 20.0, rotation(0.3, 0.2, -0.4));
     let told = ShapeInformation { axes, information, vector: Vector6::new(0.5, 0.1, -0.2, 0.1, 0.0, 0.2) * 20.0 };
@@ -236,13 +236,13 @@ proptest! {
 
 proptest! {
     #[test]
-    fn learnt_sizes(a in -3.0..3.0f64, b in -1.5..1.5f64, up in -1.0..1.0f64) {
+    fn learned_sizes(a in -3.0..3.0f64, b in -1.5..1.5f64, up in -1.0..1.0f64) {
         let (center, axes, up) = (Vector3::new(0.1, 0.2, 0.3), rotation(a, b, 0.7), Vector3::new(up, 0.3, 0.8));
         let sizes = Vector3::new(1.7, 1.1, 0.6);
-        let prior = learnt(up, false);
-        prop_assert!(prior.learnt_size.is_some());
+        let prior = learned(up, false);
+        prop_assert!(prior.learned_size.is_some());
         check_priors(&prior, &OrientedModel::new(center, axes, sizes, BodyKind::Cuboid));
-        let prior = learnt(up, true);
+        let prior = learned(up, true);
         prop_assert!(prior.size_site.is_some());
         check_priors(&prior, &EllipsoidModel::from_axes(center, axes, sizes));
     }

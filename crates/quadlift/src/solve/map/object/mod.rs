@@ -17,7 +17,7 @@ pub(crate) mod first_fit;
 pub(crate) mod fit;
 pub(crate) mod alternatives;
 pub(crate) mod few_views;
-pub(crate) mod learnt_size;
+pub(crate) mod learned_size;
 mod scale_terms;
 
 #[cfg(test)]

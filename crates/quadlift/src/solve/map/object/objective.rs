@@ -348,8 +348,8 @@ impl Objective<'_> {
                 equations.add_quadratic(weight * (semi_axes[axis].ln() - mean), &row);
             }
         }
-        if let Some(learnt_size) = &self.prior.learnt_size {
-            learnt_size.add_to(body, equations);
+        if let Some(learned_size) = &self.prior.learned_size {
+            learned_size.add_to(body, equations);
         }
         if let Some(site) = &self.prior.size_site {
             site.add_to(body, equations);

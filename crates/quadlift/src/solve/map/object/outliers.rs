@@ -87,7 +87,7 @@ pub(crate) fn fit_without_outliers(
     draw(HYPOTHESES - FIRST_HYPOTHESES, &mut hypotheses);
     let noise = objective.noise.scaled(hypotheses.first()?.0.variance.sqrt().clamp(0.01, 10.0));
     let distrustful = Objective { noise: &noise, outlier_scale: Some(OUTLIER_SCALE), ..*objective };
-    let stop = Stop { evaluations: 30, promised_decrease: 1e-3 };
+    let stop = Stop { evaluations: 30, min_predicted_decrease: 1e-3 };
     hypotheses
         .into_iter()
         .filter_map(|(_, start)| minimize(start, stop, |body| distrustful.linearize(body), BodyModel::retract))

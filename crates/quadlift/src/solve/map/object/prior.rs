@@ -23,8 +23,8 @@ pub(crate) struct ObjectPrior {
     pub shape_weight: f64,
     /// Mean and 1/sd of the log semi-axes: length, width, height.
     pub log_size: Option<[(f64, f64); 3]>,
-    /// The size learnt from the other objects of the category, in the place of the shape prior: of an oriented body, of an ellipsoid.
-    pub learnt_size: Option<LearntSize>,
+    /// The size learned from the other objects of the category, in the place of the shape prior: of an oriented body, of an ellipsoid.
+    pub learned_size: Option<LearnedSize>,
     pub size_site: Option<SizeSite>,
     /// Direction against gravity, in the frame.
     pub up: Option<Vector3<f64>>,
@@ -65,21 +65,21 @@ impl ObjectPrior {
     }
 }
 
-/// A learnt size as a prior of an oriented body, in an object's frame.
+/// A learned size as a prior of an oriented body, in an object's frame.
 #[derive(Debug, Clone)]
-pub(crate) struct LearntSize {
+pub(crate) struct LearnedSize {
     /// Logarithms of the half extents, object units.
     mean: Vector3<f64>,
     /// W with W^T W the inverse of the covariance.
     root: Matrix3<f64>,
     loss: StudentT,
-    /// How much it counts, like the measurements ([`super::fit::Fit::with_learnt_size`]).
+    /// How much it counts, like the measurements ([`super::fit::Fit::with_learned_size`]).
     factor: f64,
     /// Direction against gravity, if the third axis is the vertical one.
     up: Option<Vector3<f64>>,
 }
 
-impl LearntSize {
+impl LearnedSize {
     /// In object units; `None` where the covariance is singular.
     pub(crate) fn new(size: &SizeDistribution, up: Option<Vector3<f64>>, factor: f64) -> Option<Self> {
         let root = cholesky(&invert_spd(&size.covariance)?)?.transpose();

@@ -21,7 +21,7 @@ use crate::solve::map::shared::cue_scales::CueScales;
 use crate::solve::map::shared::poses::PoseCorrections;
 
 /// From a start: many steps, no need to end exactly.
-pub(crate) const FROM_START: Stop = Stop { evaluations: 40, promised_decrease: 1e-2 };
+pub(crate) const FROM_START: Stop = Stop { evaluations: 40, min_predicted_decrease: 1e-2 };
 
 /// An object's measurements and priors in its own frame.
 #[derive(Clone)]

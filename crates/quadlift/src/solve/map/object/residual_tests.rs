@@ -7,7 +7,7 @@ use super::prior::ObjectPrior;
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::geometry::{
-    BoundingBox, CamFromWorld, Ellipse, Ellipsoid, Intrinsics, Projection, SupportLines, project_ellipsoid,
+    BoundingBox, CamFromWorld, Ellipse, Ellipsoid, Intrinsics, Projection, TangentLines, project_ellipsoid,
 };
 use crate::scene::View;
 use crate::solve::conditioning::ObjectFrame;
@@ -60,10 +60,10 @@ fn view(bounding_box: Option<BoundingBox>, ellipse: Option<Ellipse>) -> View {
         image_size: None,
         bounding_box,
         ellipse,
-        support_lines: None,
+        tangent_lines: None,
         partial: false,
         box_in_image: None,
-        hidden_edges: [false; 4],
+        occluded_edges: [false; 4],
         cut_off: [false; 4],
         cues: Default::default(),
         depth_scale: crate::scene::DepthScale::Source,
@@ -81,7 +81,7 @@ fn noise() -> NoiseLevels {
         ("shape", 0.23),
         ("partial_ellipse", 0.29),
         ("edge_relative", 0.05),
-        ("hidden_edge_relative", 0.15),
+        ("occluded_edge_relative", 0.15),
     ];
     NoiseLevels::given(&Sigmas::new(levels).unwrap(), 67.0)
 }
@@ -201,10 +201,10 @@ fn residuals_of_edges_are_pixels_over_the_deviation_of_the_box() {
 
 #[test]
 fn lines_of_a_mask_that_are_cut_off_or_hidden_are_one_sided() {
-    let mut lines = SupportLines::of_ellipse(&outline());
+    let mut lines = TangentLines::of_ellipse(&outline());
     (lines.cut_off[5], lines.hidden[2]) = (true, true);
     let open = [2, 5];
-    let seen = View { support_lines: Some(lines), ..view(lines.bounding_box(), None) };
+    let seen = View { tangent_lines: Some(lines), ..view(lines.bounding_box(), None) };
     let measurements = Measurements::new(frame(), &[seen], false, false);
     // Opposite lines follow each other: 0 and 4, 1 and 5, 2 and 6, 3 and 7.
     let one_sided: Vec<bool> = measurements.edges.iter().map(|edge| edge.one_sided).collect();
@@ -216,7 +216,7 @@ fn lines_of_a_mask_that_are_cut_off_or_hidden_are_one_sided() {
     let moved = |k: usize, by: f64| {
         let mut lines = lines;
         lines.reach[k] += by;
-        rows(&View { support_lines: Some(lines), ..seen }, &noise(), false)[[0, 2, 4, 6, 1, 3, 5, 7][k]]
+        rows(&View { tangent_lines: Some(lines), ..seen }, &noise(), false)[[0, 2, 4, 6, 1, 3, 5, 7][k]]
     };
     for k in 0..8 {
         let (less, more) = (moved(k, -5.0), moved(k, 5.0));

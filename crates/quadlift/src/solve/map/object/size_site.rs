@@ -1,4 +1,4 @@
-//! A learnt size as a prior of an ellipsoid (docs/method.md, section 21.3).
+//! A learned size as a prior of an ellipsoid (docs/method.md, section 21.3).
 //!
 //! The boxes of few views leave open which way the axes point, and the best single rotation is then a guess: with lengths of
 //! axes as the prior the most probable body is often far from the true one. So the prior is averaged over the rotations that
@@ -22,8 +22,8 @@ pub(crate) type Vector6 = SVector<f64, 6>;
 pub(crate) type Matrix6 = SMatrix<f64, 6, 6>;
 
 /// Rotations that are drawn, and the fewest that they must be worth.
-const DRAWS: usize = 192;
-const FEWEST_DRAWS: f64 = 8.0;
+const NUM_SAMPLES: usize = 192;
+const MIN_EFFECTIVE_SAMPLES: f64 = 8.0;
 
 /// Nodes and weights of Gauss and Hermite's quadrature of a normal number, for the scale of Student's t distribution.
 const NODES: [(f64, f64); 5] = [
@@ -116,7 +116,7 @@ fn integral(precision: &Matrix3<f64>, vector: &Vector3<f64>) -> Option<(f64, Vec
 }
 
 impl SizeSite {
-    /// The site of a learnt size, whose mean is in the unit of the object; `None` where the rotations that the measurements allow are
+    /// The site of a learned size, whose mean is in the unit of the object; `None` where the rotations that the measurements allow are
     /// not those that the size allows. `shape_weight` is that of the shape prior. The measurements are taken to be more certain than
     /// they seem: their precision is divided by `tempered`, and the site is multiplied by it again.
     pub(crate) fn new(
@@ -146,8 +146,8 @@ impl SizeSite {
         });
         let mut rng = random::stream(seed, 1);
         let mut mixture = Mixture::default();
-        let mut totals = Vec::with_capacity(DRAWS);
-        for _ in 0..DRAWS {
+        let mut totals = Vec::with_capacity(NUM_SAMPLES);
+        for _ in 0..NUM_SAMPLES {
             let drawn = center + spread * Vector6::from_fn(|_, _| random::normal(&mut rng));
             let (values, axes) = symmetric_eigen3(&matrix(&drawn))?;
             let first = first_order(&values, &axes, up.as_ref());
@@ -188,7 +188,7 @@ impl SizeSite {
             mixture.parts[start..].iter().for_each(|part| total += (part.0 - largest).exp());
             totals.push(largest + total.ln());
         }
-        if worth(&totals) < FEWEST_DRAWS {
+        if worth(&totals) < MIN_EFFECTIVE_SAMPLES {
             return None;
         }
         let (mean, covariance) = mixture.moments()?;

@@ -13,7 +13,7 @@ use crate::optimize::normal_equations::Row;
 use crate::scene::{Box3dCue, Box3dSd, Cues, DepthCue, View};
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::map::noise::groups::NoiseGroup;
-use crate::solve::map::noise::levels::{NoiseLevels, usual_level};
+use crate::solve::map::noise::levels::{NoiseLevels, noise_prior};
 
 /// Rays along each side of a box in the search for the visible surface.
 const RAYS: usize = 9;
@@ -75,7 +75,7 @@ struct MeasuredCenter {
 
 /// 1 / sd of an error, relative to the usual level of its kind.
 fn weight(sd: Option<f64>, group: NoiseGroup) -> f64 {
-    sd.map_or(1.0, |sd| usual_level(group) / sd)
+    sd.map_or(1.0, |sd| noise_prior(group) / sd)
 }
 
 /// [`weight`] of a depth.

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3x4, Vector3, Vector4};
 use super::cues::MeasuredCue;
 use super::ellipse::EllipseMeasurement;
 use crate::body_model::BodyModel;
-use crate::geometry::{Body, SupportLines, edge_plane, support_plane};
+use crate::geometry::{Body, TangentLines, edge_plane, support_plane};
 use crate::scene::View;
 use crate::solve::conditioning::ObjectFrame;
 use crate::solve::map::noise::groups::NoiseGroup;
@@ -124,20 +124,20 @@ impl Measurements {
                 // The box's edges stand for it.
                 Some(_) if ellipses_as_planes => {}
                 None if ellipses_as_planes => {
-                    self.push_support_lines(&p, &SupportLines::of_ellipse(observed), observed.semi_axes.mean());
+                    self.push_support_lines(&p, &TangentLines::of_ellipse(observed), observed.semi_axes.mean());
                 }
                 beside => ellipse = Some(EllipseMeasurement::new(&p, observed, beside.is_some(), view.partial)),
             }
         }
-        let lines = view.support_lines.as_ref().filter(|_| view.bounding_box.is_some());
+        let lines = view.tangent_lines.as_ref().filter(|_| view.bounding_box.is_some());
         if let Some(lines) = lines {
             self.push_support_lines(&p, lines, lines.mean_half_size());
         } else if let Some(bounding_box) = &view.bounding_box {
             let half_size = bounding_box.mean_half_size();
             for edge in [0, 2, 1, 3] {
                 let plane = Plane::new(edge_plane(&p, bounding_box, edge) / half_size);
-                let hidden = view.hidden_edges[edge];
-                let group = if hidden { NoiseGroup::HiddenEdge } else { NoiseGroup::Edge };
+                let hidden = view.occluded_edges[edge];
+                let group = if hidden { NoiseGroup::OccludedEdge } else { NoiseGroup::Edge };
                 self.edges.push(Edge { plane, one_sided: view.cut_off[edge], group });
             }
         }
@@ -152,13 +152,13 @@ impl Measurements {
             },
             edges: first..self.edges.len(),
             // Other bodies than ellipsoids show in what is not smooth, too.
-            outline: !ellipses_as_planes && lines.is_some_and(SupportLines::is_of_whole_outline),
+            outline: !ellipses_as_planes && lines.is_some_and(TangentLines::is_of_whole_outline),
             harmonics: false,
             ellipse,
         });
     }
 
-    fn push_support_lines(&mut self, p: &Matrix3x4<f64>, lines: &SupportLines, half_size: f64) {
+    fn push_support_lines(&mut self, p: &Matrix3x4<f64>, lines: &TangentLines, half_size: f64) {
         let half = lines.count() / 2;
         for line in (0..half).flat_map(|k| [k, k + half]).map(|k| lines.line(k)) {
             let plane = Plane::new(support_plane(p, &line) / half_size);

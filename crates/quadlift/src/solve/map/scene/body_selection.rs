@@ -25,7 +25,7 @@ const WEIGHT_OF_PRIOR: f64 = 1.0;
 /// Kinds that are at least this share as probable as the most probable one count as equally probable: the roundest of them is taken.
 /// With 1 (`quadlift-bench kinds`) IoU is .002 larger on average, but of exact objects in three views, some of them with a false box, 6
 /// instead of 4 % are inconsistent.
-const AS_PROBABLE: f64 = 0.5;
+const MIN_PROBABILITY_RATIO: f64 = 0.5;
 
 /// Rounds in which shares and probabilities are adjusted to each other.
 const ROUNDS: usize = 50;
@@ -173,7 +173,7 @@ fn posterior(log_odds: &OfEach, prior: &OfEach) -> OfEach {
 /// The most probable kind; of those that are about as probable the roundest.
 fn most_probable(probabilities: &OfEach) -> usize {
     let best = (0..KINDS).rev().max_by(|&a, &b| probabilities[a].total_cmp(&probabilities[b])).unwrap_or(ELLIPSOID);
-    let as_probable = |k: &usize| probabilities[*k] >= AS_PROBABLE * probabilities[best];
+    let as_probable = |k: &usize| probabilities[*k] >= MIN_PROBABILITY_RATIO * probabilities[best];
     // A cylinder is no rounder than a cuboid, nor less round.
     if best == CYLINDER { best } else { (0..best).find(as_probable).unwrap_or(best) }
 }

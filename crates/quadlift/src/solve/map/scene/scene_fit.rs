@@ -4,7 +4,7 @@ use crate::tuning::{CLEAR, UPRIGHT_SHARE};
 use std::sync::Arc;
 
 use super::body_selection::BodyKinds;
-use super::learnt_sizes::SceneSizes;
+use super::learned_sizes::SceneSizes;
 use super::scene_scales::step_scales;
 use super::upright::{share_of_upright, stands, was_upright};
 use crate::body_model::BodyModel;
@@ -46,7 +46,7 @@ const RETRY_ROUNDS: usize = 4;
 const SHARED_ROUNDS: usize = 4;
 
 /// Relative change of every noise level below which they stand.
-const SETTLED_CHANGE: f64 = 0.02;
+const LEVEL_TOLERANCE: f64 = 0.02;
 
 /// Share of an object's parameters that its measurements determine, on average, below which the noise levels may have
 /// settled where the priors speak for the data: then they are sought from small noise as well.
@@ -58,12 +58,12 @@ const RESTART_CHANGE: f64 = 0.7;
 /// The small noise, relative to the default.
 const SMALL_NOISE_FACTOR: f64 = 0.05;
 
-/// The same where sizes of categories are learnt: detectors are not more exact than that against the usual level, and a body that
+/// The same where sizes of categories are learned: detectors are not more exact than that against the usual level, and a body that
 /// follows two boxes leaves residuals that show less noise than there is.
 const LEAST_LEVEL: f64 = 0.3;
 
 /// Largest standard deviation of an object's distance from its nearest camera, relative to that, with which it tells a scale.
-const WELL_LOCATED: f64 = 0.1;
+const MAX_RELATIVE_DISTANCE_SD: f64 = 0.1;
 
 /// Pairs of views, over all objects, from which errors that they have in common are estimated; with at least
 /// [`COMMON_SAMPLE`] objects.
@@ -80,7 +80,7 @@ pub(crate) struct SceneFit {
     ground: Option<GroundPlane>,
     poses: PoseCorrections,
     scales: CueScales,
-    /// Learnt sizes of categories.
+    /// Learned sizes of categories.
     pub(super) sizes: SceneSizes,
     /// Fraction of upright objects.
     upright_share: f64,
@@ -103,14 +103,14 @@ impl SceneFit {
                 changed = true;
             }
         }
-        if changed { self.again(context) } else { self }
+        if changed { self.alternate_until_converged(context) } else { self }
     }
 
     /// Fits one object for each of these kinds, that nothing makes upright but priors of categories.
     ///
     /// Noise levels and fits that agree are not unique where the priors have a say: with large noise the fits follow the
     /// priors and leave residuals that look like noise. Of two such ends the one with the larger evidence is taken.
-    pub(crate) fn without_upright(
+    pub(crate) fn fit(
         body_kinds: &[BodyKind],
         views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
         context: &MapContext,
@@ -118,7 +118,7 @@ impl SceneFit {
         let pixel_size = context.options.pixel_noise_size;
         let none = CueScales::default();
         if let Some(sigmas) = &context.options.sigmas {
-            return Self::settled(body_kinds, views_of, NoiseLevels::given(sigmas, pixel_size), none, context);
+            return Self::fit_from(body_kinds, views_of, NoiseLevels::given(sigmas, pixel_size), none, context);
         }
         let cues = || (0..body_kinds.len()).flat_map(|k| views_of(k).views).flat_map(|view| weights(view.cues));
         let default = match context.has_cues {
@@ -126,11 +126,11 @@ impl SceneFit {
             false => NoiseLevels::new(pixel_size),
         };
         let scales = Self::first_scales(body_kinds, views_of, default, context).unwrap_or(none);
-        let scene = Self::settled(body_kinds, views_of, default, scales.clone(), context);
+        let scene = Self::fit_from(body_kinds, views_of, default, scales.clone(), context);
         if scene.statistics.determined() > WELL_DETERMINED {
             return scene;
         }
-        let other = Self::settled(body_kinds, views_of, default.scaled(SMALL_NOISE_FACTOR), scales, context);
+        let other = Self::fit_from(body_kinds, views_of, default.scaled(SMALL_NOISE_FACTOR), scales, context);
         if other.evidence_over(&scene) > CLEAR { other } else { scene }
     }
 
@@ -149,12 +149,12 @@ impl SceneFit {
             views.views.iter_mut().for_each(|view| view.cues = Cues::default());
             views
         };
-        let boxes = Self::settled(body_kinds, &without_cues, noise, CueScales::default(), context);
+        let boxes = Self::fit_from(body_kinds, &without_cues, noise, CueScales::default(), context);
         let mut ratios = Ratios::default();
         for (k, fit) in boxes.fits.iter().enumerate() {
             // Where boxes leave the distance open they do not tell a scale.
             let Ok(fit) = fit else { continue };
-            if fit.relative_distance_sd().is_some_and(|sd| sd < WELL_LOCATED) {
+            if fit.relative_distance_sd().is_some_and(|sd| sd < MAX_RELATIVE_DISTANCE_SD) {
                 fit.ratios(&views_of(k).views, &boxes.noise, &mut ratios);
             }
         }
@@ -162,7 +162,7 @@ impl SceneFit {
     }
 
     /// Alternates fits and noise levels until convergence; with given levels, until the fits converge.
-    fn settled(
+    fn fit_from(
         body_kinds: &[BodyKind],
         views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
         noise: NoiseLevels,
@@ -182,14 +182,15 @@ impl SceneFit {
         let poses = PoseCorrections::default();
         let upright_share = UPRIGHT_SHARE.get();
         let (ground, sizes) = (None, SceneSizes::default());
-        Self { fits, noise, statistics, reference, ground, poses, scales, sizes, upright_share }.again(context)
+        Self { fits, noise, statistics, reference, ground, poses, scales, sizes, upright_share }
+            .alternate_until_converged(context)
     }
 
     /// Rounds of noise levels and refits, from these fits and levels.
-    pub(super) fn again(self, context: &MapContext) -> Self {
+    pub(super) fn alternate_until_converged(self, context: &MapContext) -> Self {
         let Self { mut fits, mut noise, mut statistics, mut ground, mut poses, mut scales, .. } = self;
         let mut started = noise;
-        let pose_prior = PosePrior::new(context.options, &context.pose_unknowns, || usual_distance(&fits));
+        let pose_prior = PosePrior::new(context.options, &context.pose_unknowns, || median_distance(&fits));
         let (mut round, mut follows) = (0, false);
         while round < ROUNDS && !context.watch.is_canceled() {
             statistics = NoiseStatistics::default();
@@ -204,7 +205,7 @@ impl SceneFit {
             }
             statistics.take(poses.determined());
             let updated = if context.options.sigmas.is_some() { noise } else { noise.updated(&statistics) };
-            let settled = updated.change(&noise, &statistics) < SETTLED_CHANGE;
+            let settled = updated.change(&noise, &statistics) < LEVEL_TOLERANCE;
             noise = updated;
             ground = ground_plane(&fits, context);
             if let (Some(ground), Some(up)) = (&ground, &context.up) {
@@ -261,7 +262,7 @@ impl SceneFit {
             round += 1;
         }
         let misfits = fits.iter().flatten().filter_map(|fit| fit.misfit(&noise));
-        let reference = Reference::among(&noise, misfits, context.options).at_most_the_noise(&noise);
+        let reference = Reference::among(&noise, misfits, context.options).clamped_to_noise(&noise);
         if context.options.sigmas.is_none() && context.options.common_errors {
             noise = noise.with_covariance_levels(covariance_levels(&fits, &noise));
         }
@@ -284,8 +285,8 @@ impl SceneFit {
         median_level(self.fits().filter_map(|fit| fit.misfit(&self.noise))).clamp(LEAST_LEVEL, 1.0)
     }
 
-    /// The same with sizes of categories learnt from the objects, if that is asked for.
-    pub(crate) fn with_learnt_sizes(mut self, context: &MapContext) -> Self {
+    /// The same with sizes of categories learned from the objects, if that is asked for.
+    pub(crate) fn with_learned_sizes(mut self, context: &MapContext) -> Self {
         if !context.options.learn_sizes || context.watch.is_canceled() {
             return self;
         }
@@ -302,7 +303,7 @@ impl SceneFit {
             self.sizes = sizes;
             return self;
         }
-        self.with_sizes(sizes, context).again(context)
+        self.with_sizes(sizes, context).alternate_until_converged(context)
     }
 
     /// The fits of the objects with these sizes, before the noise levels are estimated again.
@@ -311,8 +312,8 @@ impl SceneFit {
         let sized = |k: usize| {
             let fit = self.fits[k].as_ref().map_err(Clone::clone)?;
             Ok(sizes.of(fit).map_or_else(
-                || fit.without_learnt_size(context),
-                |size| fit.with_learnt_size(size, level, &self.noise, self.shared(), context),
+                || fit.without_learned_size(context),
+                |size| fit.with_learned_size(size, level, &self.noise, self.shared(), context),
             ))
         };
         let fits = map_indices(self.fits.len(), sized);
@@ -357,7 +358,7 @@ impl SceneFit {
     pub(crate) fn estimate(&self, index: usize, context: &MapContext) -> Estimate {
         match &self.fits[index] {
             Ok(fit) => {
-                self.finished(Some(index), fit, context).estimate(&self.noise, self.reference, self.shared(), context)
+                self.polish(Some(index), fit, context).estimate(&self.noise, self.reference, self.shared(), context)
             }
             Err(failed) => (**failed).clone(),
         }
@@ -365,13 +366,13 @@ impl SceneFit {
 
     /// The estimate of another object of the scene.
     pub(crate) fn estimate_other(&self, views: ObjectViews, kind: BodyKind, context: &MapContext) -> Estimate {
-        self.fit_other(views, kind, context)
+        self.fit_held_out(views, kind, context)
             .map_or_else(|failed| *failed, |fit| fit.estimate(&self.noise, self.reference, self.shared(), context))
     }
 
     /// The body of another object of the scene, in the world.
     pub(crate) fn body_of_other(&self, views: ObjectViews, kind: BodyKind, context: &MapContext) -> Option<Body> {
-        let fit = self.fit_other(views, kind, context).ok()?;
+        let fit = self.fit_held_out(views, kind, context).ok()?;
         Some(fit.body.body_in_world(&fit.problem.measurements.frame))
     }
 
@@ -408,10 +409,10 @@ impl SceneFit {
             ground: None,
             converged: false,
         };
-        self.put_down(None, &mut fit, context);
+        self.constrain_to_plane(None, &mut fit, context);
         // The level takes all objects: only where it is needed.
         if let Some(size) = self.sizes.of(&fit) {
-            fit = fit.with_learnt_size(size, self.size_level(), &self.noise, self.shared(), context);
+            fit = fit.with_learned_size(size, self.size_level(), &self.noise, self.shared(), context);
         }
         Some(fit.refined(&self.noise, true).body.body_in_world(&frame))
     }
@@ -419,15 +420,15 @@ impl SceneFit {
     /// The kind of body of another object of the scene.
     pub(crate) fn kind_of_other(&self, views: ObjectViews, body_kinds: &BodyKinds, context: &MapContext) -> BodyKind {
         let first = context.first_kind(&views);
-        self.fit_other(views, first, context).map_or(first, |fit| body_kinds.of_other(&fit, context))
+        self.fit_held_out(views, first, context).map_or(first, |fit| body_kinds.of_other(&fit, context))
     }
 
     /// Another object of the scene, fitted from its starts under what the scene shares.
-    fn fit_other(&self, mut views: ObjectViews, kind: BodyKind, context: &MapContext) -> Result<Fit, Box<Estimate>> {
+    fn fit_held_out(&self, mut views: ObjectViews, kind: BodyKind, context: &MapContext) -> Result<Fit, Box<Estimate>> {
         self.poses.apply(&mut views);
         self.scales.apply(&mut views);
         let mut fit = Fit::first(ObjectProblem::new(views, kind, context)?, &self.noise, context)?;
-        self.put_down(None, &mut fit, context);
+        self.constrain_to_plane(None, &mut fit, context);
         let rounds = if fit.problem.has_several_starts() { RETRY_ROUNDS } else { 1 };
         let retry_starts_and_outliers =
             |fit: Fit| (0..rounds).fold(fit, |fit, round| fit.retry_starts_and_outliers(&self.noise, round, context));
@@ -437,26 +438,26 @@ impl SceneFit {
         let fit = match self.sizes.of(&fit) {
             Some(size) => {
                 let level = self.size_level();
-                retry_starts_and_outliers(fit.with_learnt_size(size, level, &self.noise, self.shared(), context))
+                retry_starts_and_outliers(fit.with_learned_size(size, level, &self.noise, self.shared(), context))
             }
             None => fit,
         };
-        Ok(self.finished(None, &fit, context))
+        Ok(self.polish(None, &fit, context))
     }
 
     /// A fit that has been through the rounds, to the end: without the views that contradict the others. `object` is its
     /// index, if it was in the rounds.
-    fn finished(&self, object: Option<usize>, fit: &Fit, context: &MapContext) -> Fit {
+    fn polish(&self, object: Option<usize>, fit: &Fit, context: &MapContext) -> Fit {
         let mut fit = fit.refined(&self.noise, true);
-        if let Some(mut without) = fit.without_one_view(&self.noise, self.reference, context) {
-            self.put_down(object, &mut without, context);
+        if let Some(mut without) = fit.reject_one_of_few_views(&self.noise, self.reference, context) {
+            self.constrain_to_plane(object, &mut without, context);
             fit = without.refined(&self.noise, true);
         }
-        fit.without_far_views(&self.noise, self.reference, context)
+        fit.reject_gross_outliers(&self.noise, self.reference, context)
     }
 
     /// Puts an object on the ground, if it stands there.
-    fn put_down(&self, object: Option<usize>, fit: &mut Fit, context: &MapContext) {
+    fn constrain_to_plane(&self, object: Option<usize>, fit: &mut Fit, context: &MapContext) {
         if let (Some(ground), Some(up)) = (&self.ground, &context.up) {
             fit.stand_on_ground(object, ground, up);
         }
@@ -472,7 +473,7 @@ impl SceneFit {
         &self.scales
     }
 
-    /// The learnt sizes of categories.
+    /// The learned sizes of categories.
     pub(crate) fn sizes(&self) -> &SceneSizes {
         &self.sizes
     }
@@ -488,7 +489,7 @@ impl SceneFit {
     }
 
     /// Frames over which the errors of poses last, if they are estimated.
-    pub(crate) fn pose_memory(&self) -> Option<f64> {
+    pub(crate) fn pose_correlation_length(&self) -> Option<f64> {
         self.poses.memory()
     }
 
@@ -514,7 +515,7 @@ fn covariance_levels(fits: &[Result<Fit, Box<Estimate>>], noise: &NoiseLevels) -
 }
 
 /// The median distance of objects from their nearest cameras.
-fn usual_distance(fits: &[Result<Fit, Box<Estimate>>]) -> f64 {
+fn median_distance(fits: &[Result<Fit, Box<Estimate>>]) -> f64 {
     let mut distances: Vec<f64> = fits.iter().flatten().filter_map(Fit::distance).collect();
     distances.sort_by(f64::total_cmp);
     distances.get(distances.len() / 2).copied().unwrap_or(1.0)

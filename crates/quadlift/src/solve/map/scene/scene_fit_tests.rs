@@ -24,7 +24,7 @@ fn plain() -> MapOptions {
 }
 
 fn fitted(count: usize, views_of: ViewsOf, context: &MapContext) -> SceneFit {
-    SceneFit::without_upright(&vec![BodyKind::Ellipsoid; count], views_of, context)
+    SceneFit::fit(&vec![BodyKind::Ellipsoid; count], views_of, context)
 }
 
 fn edge_level(scene: &SceneFit) -> f64 {
@@ -82,7 +82,7 @@ fn rounds_end_because_fits_and_levels_agree() {
         let scene = fitted(4, views_of, context);
         let (level, before): (f64, Vec<Fit>) = (edge_level(&scene), scene.fits().cloned().collect());
         assert_eq!(before.len(), 4);
-        let again = scene.again(context);
+        let again = scene.alternate_until_converged(context);
         assert!((edge_level(&again) / level).ln().abs() < 0.02, "{level} {}", edge_level(&again));
         for (before, after) in before.iter().zip(again.fits()) {
             // In standard deviations of the center.

@@ -63,7 +63,7 @@ impl PosePoints {
 
     /// Corrections from the points alone, and the median error that they leave. None are needed where it is small as given.
     fn tried(&self, given_error: f64, unknowns: &Arc<PoseUnknowns>, options: &MapOptions) -> (PoseCorrections, f64) {
-        let distance = self.usual_distance();
+        let distance = self.median_distance();
         let wide = PoseNoise { rotation_sd: TRIED_ROTATION, translation_sd: TRIED_SHIFT * distance };
         let noise = options.pose_noise.unwrap_or(wide);
         let Some(prior) =

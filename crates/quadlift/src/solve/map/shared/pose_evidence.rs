@@ -13,7 +13,7 @@ use crate::tuning::CLEAR;
 /// Steps of the levels under the same equations, at most; the relative change below which they stand, and the number of parameters of the
 /// motions below which the measurements determine nothing.
 const LEVEL_STEPS: usize = 10;
-const LEVELS_STAND: f64 = 0.1;
+const LEVEL_TOLERANCE: f64 = 0.1;
 const DETERMINED: f64 = 1.0;
 
 /// Factor by which a level changes in one of these steps, at most.
@@ -25,10 +25,10 @@ const SUSPECTED_SCORE: f64 = 2.0;
 const SUSPECTED_EVIDENCE: f64 = 1.0;
 
 /// Logarithm of the evidence below the largest one from which a memory is no longer considered.
-const CONTENDS: f64 = 30.0;
+const MAX_LOG_EVIDENCE_GAP: f64 = 30.0;
 
 /// Factor by which levels may be larger than they seem before the first step: noise levels contain what is an error of poses.
-const WIDER: f64 = 4.0;
+const INITIAL_SD_FACTOR: f64 = 4.0;
 
 /// Frames that get one motion where slow errors are looked for, relative to their memory; and fewest of them: errors that last shorter show
 /// beside those of single frames and slower ones.
@@ -37,14 +37,14 @@ const FEWEST_TOGETHER: f64 = 5.0;
 
 /// The levels of one memory that errors may have, and what speaks for it.
 #[derive(Debug, Clone, Copy)]
-struct Contender {
+struct PoseNoiseHypothesis {
     /// The levels that suit the equations.
     levels: PoseLevels,
     /// Logarithm of the evidence for them, against poses that are exact.
     evidence: f64,
 }
 
-impl Contender {
+impl PoseNoiseHypothesis {
     /// From these levels, which are estimated if they are not given; `None` where the equations are singular.
     fn new(
         equations: &PoseEquations,
@@ -57,7 +57,7 @@ impl Contender {
             let Some(system) = PoseSystem::new(equations, levels, &before) else { break };
             evidence = Some(system.log_evidence());
             let (shown, determined) = system.levels(equations, levels, LARGEST_FREE_STEP);
-            if !estimated || shown.change(&levels) < LEVELS_STAND || determined < DETERMINED {
+            if !estimated || shown.change(&levels) < LEVEL_TOLERANCE || determined < DETERMINED {
                 break;
             }
             levels = shown;
@@ -68,7 +68,7 @@ impl Contender {
 
 impl PosePrior {
     /// Whether poses stay as given before anything is known of their levels: they may be exact, and the cheap tests find no errors.
-    pub(super) fn leaves_as_given(&self, terms: &SceneTerms, levels: &[PoseLevels]) -> bool {
+    pub(super) fn keeps_input_poses(&self, terms: &SceneTerms, levels: &[PoseLevels]) -> bool {
         levels.is_empty() && self.may_be_exact && !self.are_suspected(terms)
     }
 
@@ -85,19 +85,25 @@ impl PosePrior {
         if levels.len() < 2 && !(starts && self.may_be_exact) {
             return levels.to_vec();
         }
-        let contender = |k: usize| Some((levels[k], Contender::new(equations, levels[k], self.estimated, &before)?));
-        let found: Vec<(PoseLevels, Contender)> = map_indices(levels.len(), contender).into_iter().flatten().collect();
+        let contender =
+            |k: usize| Some((levels[k], PoseNoiseHypothesis::new(equations, levels[k], self.estimated, &before)?));
+        let found: Vec<(PoseLevels, PoseNoiseHypothesis)> =
+            map_indices(levels.len(), contender).into_iter().flatten().collect();
         let most = found.iter().map(|(_, found)| found.evidence).fold(f64::NEG_INFINITY, f64::max);
         // Poses are corrected where it is clear that they are not exact.
         if starts && self.may_be_exact && most < CLEAR {
             return Vec::new();
         }
-        let mut found: Vec<_> = found.into_iter().filter(|(_, found)| found.evidence > most - CONTENDS).collect();
+        let mut found: Vec<_> =
+            found.into_iter().filter(|(_, found)| found.evidence > most - MAX_LOG_EVIDENCE_GAP).collect();
         // Stable: of equal ones the errors that last shortest.
         found.sort_by(|(_, a), (_, b)| b.evidence.total_cmp(&a.evidence));
-        let next = |(before, Contender { levels, .. }): (PoseLevels, Contender)| match (self.estimated, starts) {
+        let next = |(before, PoseNoiseHypothesis { levels, .. }): (PoseLevels, PoseNoiseHypothesis)| match (
+            self.estimated,
+            starts,
+        ) {
             (false, _) => before,
-            (true, true) => levels.scaled(WIDER).at_most(&before),
+            (true, true) => levels.scaled(INITIAL_SD_FACTOR).at_most(&before),
             (true, false) => levels.within(&before, LARGEST_STEP),
         };
         found.into_iter().map(next).collect()
@@ -105,14 +111,14 @@ impl PosePrior {
 
     /// Whether poses as given show errors: of single frames, or slow ones. It takes much less time than the equations of all frames.
     fn are_suspected(&self, terms: &SceneTerms) -> bool {
-        score_of_independent(terms).max() > SUSPECTED_SCORE
-            || self.first.iter().any(|first| evidence_of_slow(terms, *first) > SUSPECTED_EVIDENCE)
+        score_test_independent(terms).max() > SUSPECTED_SCORE
+            || self.first.iter().any(|first| drift_log_evidence(terms, *first) > SUSPECTED_EVIDENCE)
     }
 }
 
 /// The derivative of the evidence by the variances of independent errors (rotation, shift), at zero, relative to its standard deviation if
 /// poses are exact: Rao's score. The standard deviation is a little too small, since it leaves out what couples frames.
-fn score_of_independent(terms: &SceneTerms) -> Vector2<f64> {
+fn score_test_independent(terms: &SceneTerms) -> Vector2<f64> {
     let mut frames: BTreeMap<usize, (Motion, Matrix6<f64>)> = BTreeMap::new();
     terms.objects.iter().for_each(|object| object.add_diagonal(&mut frames));
     terms.points.iter().for_each(|point| point.add_diagonal(&mut frames));
@@ -127,7 +133,7 @@ fn score_of_independent(terms: &SceneTerms) -> Vector2<f64> {
 }
 
 /// Logarithm of the evidence for slow errors, with one motion for some frames that follow each other.
-fn evidence_of_slow(terms: &SceneTerms, first: PoseLevels) -> f64 {
+fn drift_log_evidence(terms: &SceneTerms, first: PoseLevels) -> f64 {
     let together = COARSE * first.memory;
     if together < FEWEST_TOGETHER {
         return f64::NEG_INFINITY;
@@ -138,5 +144,6 @@ fn evidence_of_slow(terms: &SceneTerms, first: PoseLevels) -> f64 {
     };
     let levels = PoseLevels { memory: first.memory / together, first_camera: usize::MAX, ..first };
     let equations = PoseEquations::new(&coarse, usize::MAX);
-    Contender::new(&equations, levels, true, |_| Motion::zeros()).map_or(f64::NEG_INFINITY, |found| found.evidence)
+    PoseNoiseHypothesis::new(&equations, levels, true, |_| Motion::zeros())
+        .map_or(f64::NEG_INFINITY, |found| found.evidence)
 }

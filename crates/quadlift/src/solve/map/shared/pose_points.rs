@@ -223,7 +223,7 @@ impl PosePoints {
     }
 
     /// Median distance of the points from the cameras that see them.
-    pub(super) fn usual_distance(&self) -> f64 {
+    pub(super) fn median_distance(&self) -> f64 {
         let center = |frame: u32| self.projections[frame as usize].center_in_world();
         let first = |track: &Track| Some((track.start? - center(track.seen.first()?.frame_index)?).norm());
         median(&mut self.tracks.iter().filter_map(first).collect::<Vec<f64>>()).unwrap_or_default()

@@ -10,7 +10,7 @@ use crate::solve::options::PoseNoise;
 
 /// Block multiplications of one factor, at most. With more (thousands of frames that all see the same objects) frames are divided into
 /// segments, whose factors precondition conjugate gradients; covariances are then those within a segment.
-const MOST_WORK: f64 = 6e6;
+const MAX_FACTOR_WORK: f64 = 6e6;
 
 /// Most iterations of conjugate gradients, and the norm of the residual, relative to that of the right side, at which they end.
 const ITERATIONS: usize = 60;
@@ -70,7 +70,7 @@ impl PoseEquations {
         let (objects, points) = (coupled(&terms.objects, &numbers), coupled(&terms.points, &numbers));
         let mut segment = numbers.len().max(1);
         let first_columns = |segment: usize| first_columns(numbers.len(), instants, segment, &objects, &points);
-        while Envelope::work(&first_columns(segment)) > MOST_WORK {
+        while Envelope::work(&first_columns(segment)) > MAX_FACTOR_WORK {
             segment = segment.div_ceil(2);
         }
         let mut of_points = Envelope::zeros(&first_columns(segment));

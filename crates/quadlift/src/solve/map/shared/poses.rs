@@ -41,7 +41,7 @@ impl PoseCorrections {
         let terms = prior.unknowns.of_scene(terms);
         let before = |number: usize| self.motions.get(&number).map_or_else(Motion::zeros, Correction::motion);
         // As given, or as they are.
-        if prior.leaves_as_given(&terms, &self.levels) {
+        if prior.keeps_input_poses(&terms, &self.levels) {
             return Self::default();
         }
         let equations = PoseEquations::new(&terms, prior.unknowns.first_camera);

@@ -10,7 +10,7 @@ use crate::optimize::normal_equations::PARAMETERS;
 use crate::solve::estimate::Matrix9;
 
 /// Most scales of which the matrix is built.
-const MOST_DENSE: usize = 200;
+const MAX_DENSE_SCALES: usize = 200;
 
 /// Most iterations of conjugate gradients.
 const ITERATIONS: usize = 50;
@@ -72,7 +72,7 @@ struct Arrow {
 impl ScaleSystem {
     /// No equations for scales, of which these are those of frames.
     pub(super) fn new(of_frames: Vec<bool>) -> Self {
-        Self::with_dense(of_frames, MOST_DENSE)
+        Self::with_dense(of_frames, MAX_DENSE_SCALES)
     }
 
     fn with_dense(of_frames: Vec<bool>, most: usize) -> Self {
@@ -328,7 +328,7 @@ mod tests {
     #[test]
     fn conjugate_gradients_solve_the_full_equations() {
         for (frames, share) in [(0, 0.5), (1, 0.5), (4, 0.1), (4, 0.6), (60, 0.1), (60, 0.6)] {
-            for most_dense in [0, MOST_DENSE] {
+            for most_dense in [0, MAX_DENSE_SCALES] {
                 let (system, matrix) = system(frames, share, most_dense);
                 let (solution, covariance) = system.solve().unwrap();
                 let exact = matrix.clone().cholesky().unwrap();

@@ -1,4 +1,4 @@
-//! Sizes of the things of one category, learnt from the objects of the scene (docs/method.md, section 21).
+//! Sizes of the things of one category, learned from the objects of the scene (docs/method.md, section 21).
 //!
 //! The logarithms of the half extents of an object are those of its category plus a difference of its own, both Gaussian:
 //! `x = mu + delta`, `delta ~ N(0, T)`. What the measurements tell about `x` comes in the form of information, so that objects
@@ -11,7 +11,7 @@ use crate::body_model::descending;
 use crate::geometry::BodyKind;
 use crate::geometry::linalg::{cholesky, invert_spd};
 use crate::parallel::map_indices;
-use crate::solve::learnt_size::LearntCategorySize;
+use crate::solve::learned_size::LearnedCategorySize;
 use crate::solve::options::SizePrior;
 use crate::tuning::{CATEGORY_SPREAD, LEARNT_DOF};
 
@@ -96,7 +96,7 @@ pub(crate) struct SizeDistribution {
 
 /// The sizes of a category with those that each of its objects gets.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct LearntSizes {
+pub(crate) struct LearnedSizes {
     /// From all objects; `None` if they are too few or differ as much as any objects do.
     pub of_all: Option<SizeDistribution>,
     /// For each object from the others.
@@ -105,7 +105,7 @@ pub(crate) struct LearntSizes {
     pub worth: f64,
 }
 
-impl LearntSizes {
+impl LearnedSizes {
     /// From objects whose axes are length, width, height (`named`), or in the order of their lengths. `shape_sd` is the standard
     /// deviation of the shape prior: shapes of a category differ less than shapes of any objects.
     pub(crate) fn of(objects: &[SizeInformation], named: bool, shape_sd: f64) -> Self {
@@ -122,14 +122,14 @@ impl LearntSizes {
         Self { of_all, of_each, worth: objects.iter().map(SizeInformation::worth).sum() }
     }
 
-    /// As they are reported: those of a category and kind of body, learnt from so many objects.
-    pub(crate) fn report(&self, category: usize, body: BodyKind, objects: usize) -> LearntCategorySize {
+    /// As they are reported: those of a category and kind of body, learned from so many objects.
+    pub(crate) fn report(&self, category: usize, body: BodyKind, objects: usize) -> LearnedCategorySize {
         let size = self.of_all.map(|size| {
             let mean: [f64; 3] = std::array::from_fn(|k| 2.0 * size.mean[k].exp());
             SizePrior { mean, sd: std::array::from_fn(|k| mean[k] * size.covariance[(k, k)].sqrt()) }
         });
         let named = self.of_all.is_some_and(|size| size.named);
-        LearntCategorySize { category, body, objects, well_determined: self.worth, size, named }
+        LearnedCategorySize { category, body, objects, well_determined: self.worth, size, named }
     }
 }
 
@@ -250,7 +250,7 @@ mod tests {
             let mut changed = objects.clone();
             changed[3] = known([2.0, 1.5, -1.0], 0.01);
             let (before, after) =
-                (LearntSizes::of(&objects, true, SHAPE_SD), LearntSizes::of(&changed, true, SHAPE_SD));
+                (LearnedSizes::of(&objects, true, SHAPE_SD), LearnedSizes::of(&changed, true, SHAPE_SD));
             assert!(before.of_each[3].is_some());
             assert_eq!(before.of_each[3], after.of_each[3], "bit for bit");
             assert_ne!(before.of_each[2], after.of_each[2]);
@@ -262,23 +262,23 @@ mod tests {
     fn an_object_of_well_known_others_gets_their_mean_and_spread() {
         let objects: Vec<SizeInformation> =
             cars(40).iter().map(|car| known((car.vector * 0.03f64.powi(2)).into(), 1e-4)).collect();
-        let learnt = LearntSizes::of(&objects, true, SHAPE_SD).of_all.unwrap();
+        let learned = LearnedSizes::of(&objects, true, SHAPE_SD).of_all.unwrap();
         let sizes: Vec<Vector3<f64>> = objects.iter().map(|car| car.vector * 1e-8).collect();
         let mean = sizes.iter().sum::<Vector3<f64>>() / 40.0;
-        assert!((learnt.mean - mean).amax() < 2e-3, "{} {mean}", learnt.mean);
+        assert!((learned.mean - mean).amax() < 2e-3, "{} {mean}", learned.mean);
         // With exact sizes: the squares and those of the prior over their numbers, and the uncertainty of the mean.
         let prior = Matrix3::from_diagonal_element(CATEGORY_SPREAD.get().powi(2)) * LEARNT_DOF.get();
         let squares = sizes.iter().fold(prior, |sum, x| sum + (x - mean) * (x - mean).transpose());
         let spread = squares / (40.0 + LEARNT_DOF.get());
-        assert!((learnt.covariance - spread * (1.0 + 1.0 / 40.0)).amax() < 0.03 * spread[(0, 0)], "{learnt:?}");
+        assert!((learned.covariance - spread * (1.0 + 1.0 / 40.0)).amax() < 0.03 * spread[(0, 0)], "{learned:?}");
     }
 
     #[test]
     fn too_few_objects_and_objects_that_say_little_teach_nothing() {
-        let sizes = |objects: &[SizeInformation]| LearntSizes::of(objects, true, SHAPE_SD);
+        let sizes = |objects: &[SizeInformation]| LearnedSizes::of(objects, true, SHAPE_SD);
         for few in [0, 1] {
-            let learnt = sizes(&cars(few));
-            assert!(learnt.of_all.is_none() && learnt.of_each.iter().all(Option::is_none), "{few}");
+            let learned = sizes(&cars(few));
+            assert!(learned.of_all.is_none() && learned.of_each.iter().all(Option::is_none), "{few}");
         }
         // Of three each has two others, which are worth a little less than two.
         assert!(sizes(&cars(3)).of_each.iter().all(Option::is_none));
@@ -292,14 +292,14 @@ mod tests {
         let mut rng = random::stream(6, 0);
         let any: Vec<SizeInformation> =
             (0..30).map(|_| known([(); 3].map(|()| 0.8 * random::normal(&mut rng)), 0.03)).collect();
-        assert!(LearntSizes::of(&any, true, SHAPE_SD).of_all.is_none());
+        assert!(LearnedSizes::of(&any, true, SHAPE_SD).of_all.is_none());
     }
 
     #[test]
     fn the_order_of_the_objects_does_not_matter() {
         let objects = cars(12);
         let turned: Vec<SizeInformation> = objects.iter().rev().copied().collect();
-        let (one, other) = (LearntSizes::of(&objects, false, SHAPE_SD), LearntSizes::of(&turned, false, SHAPE_SD));
+        let (one, other) = (LearnedSizes::of(&objects, false, SHAPE_SD), LearnedSizes::of(&turned, false, SHAPE_SD));
         for (a, b) in one.of_each.iter().zip(other.of_each.iter().rev()) {
             let (a, b) = (a.unwrap(), b.unwrap());
             assert!((a.mean - b.mean).amax() < 1e-9 && (a.covariance - b.covariance).amax() < 1e-9);
@@ -314,7 +314,7 @@ mod tests {
         open.information[(2, 2)] = 1e-3;
         open.vector[2] = 0.0;
         objects.push(open);
-        let learnt = LearntSizes::of(&objects, false, SHAPE_SD).of_all.unwrap();
-        assert!((learnt.mean - Vector3::new(0.7, -0.2, -0.35)).amax() < 0.06, "{learnt:?}");
+        let learned = LearnedSizes::of(&objects, false, SHAPE_SD).of_all.unwrap();
+        assert!((learned.mean - Vector3::new(0.7, -0.2, -0.35)).amax() < 0.06, "{learned:?}");
     }
 }

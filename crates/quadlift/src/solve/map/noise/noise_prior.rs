@@ -5,10 +5,10 @@ use crate::tuning::USUAL_SPREAD;
 
 /// No detector errs by so little of the half size of a box (a tenth of a pixel in a box of 100 pixels): such boxes are
 /// computed, and the typical level of detectors does not apply.
-const COMPUTED: f64 = 2e-3;
+const EXACT_BOX_LEVEL: f64 = 2e-3;
 
 /// Minimum degrees of freedom to recognize computed boxes: with 3, detected ones fit as well once in 100,000 scenes.
-const ENOUGH_TO_SEE: f64 = 3.0;
+const MIN_EXACT_DOF: f64 = 3.0;
 
 /// Steps of the grid search for the most probable level.
 const GRID: usize = 48;
@@ -19,11 +19,11 @@ const HALVINGS: usize = 52;
 /// The standard deviation that residuals and what is usual for detectors ask for together: the most probable one given
 /// `told`, the level that the residuals show, their degrees of freedom, how many of these count, and the usual levels, of which the first
 /// one holds without residuals.
-pub(crate) fn most_probable(told: f64, dof: f64, counted: f64, usual: [f64; 2]) -> f64 {
+pub(crate) fn posterior_level(told: f64, dof: f64, counted: f64, usual: [f64; 2]) -> f64 {
     if counted <= 0.0 {
         return usual[0];
     }
-    if told < COMPUTED && dof >= ENOUGH_TO_SEE {
+    if told < EXACT_BOX_LEVEL && dof >= MIN_EXACT_DOF {
         return told;
     }
     // The negative logarithm of the posterior; `x` is the logarithm of the level.
@@ -62,7 +62,7 @@ mod tests {
     /// Of two usual levels the one counts that the residuals are near.
     #[test]
     fn the_usual_level_that_the_residuals_show_counts() {
-        let level = |told, other| most_probable(told, 60.0, 0.9, [0.1, other]);
+        let level = |told, other| posterior_level(told, 60.0, 0.9, [0.1, other]);
         assert!((0.009..0.013).contains(&level(0.01, 0.01)), "{}", level(0.01, 0.01));
         assert!((level(0.05, 1e-9) / level(0.05, 0.1) - 1.0).abs() < 1e-9);
     }
@@ -76,7 +76,7 @@ mod tests {
             };
             let fine = (0..100_000).map(|k| 1e-4 * 1e5f64.powf(f64::from(k) / 1e5));
             let best = fine.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap();
-            let found = most_probable(told, 10.0, counted, [0.1; 2]);
+            let found = posterior_level(told, 10.0, counted, [0.1; 2]);
             assert!((found / best - 1.0).abs() < 2e-4, "{told} {counted}: {found} {best}");
         }
     }

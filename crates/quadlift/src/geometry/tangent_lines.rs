@@ -9,14 +9,14 @@ use super::oriented_box::OrientedBox;
 /// Number of directions of the supporting lines of a mask or a polygon.
 pub const SUPPORT_DIRECTIONS: usize = 8;
 
-/// Most directions that [`SupportLines`] has room for.
+/// Most directions that [`TangentLines`] has room for.
 pub const MOST_SUPPORT_DIRECTIONS: usize = 8;
 
 /// The supporting lines of an outline's convex hull in directions that are spread evenly over the circle (docs/method.md, section 2.2).
 /// Of a mask there are [`SUPPORT_DIRECTIONS`]: those to the right, bottom, left and top are the edges of its tight box; the diagonal
 /// ones cut the corners in which the object is not. A turned box has four, its sides.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SupportLines {
+pub struct TangentLines {
     /// Number of directions, a multiple of four.
     pub(crate) count: usize,
     /// The first direction, radians from x towards y.
@@ -49,7 +49,7 @@ impl OutlineEnd {
 
 /// One supporting line.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SupportLine {
+pub struct TangentLine {
     /// Its direction, a unit vector in the image that points away from the object.
     pub normal: Vector2<f64>,
     /// How far the outline reaches: the largest `normal . x`, in pixels.
@@ -76,7 +76,7 @@ fn direction(count: usize, angle: f64, index: usize) -> Vector2<f64> {
     }
 }
 
-impl SupportLines {
+impl TangentLines {
     /// The lines in [`SUPPORT_DIRECTIONS`] directions, every 45 degrees, of the points of an outline, in pixels, with what is known of
     /// each of them. The first line is the one to the right, then from x towards y. A line is cut off, or hidden, when a point on it is.
     ///
@@ -201,8 +201,8 @@ impl SupportLines {
     }
 
     /// The line with an index below [`Self::count`].
-    pub fn line(&self, index: usize) -> SupportLine {
-        SupportLine {
+    pub fn line(&self, index: usize) -> TangentLine {
+        TangentLine {
             normal: direction(self.count, self.angle, index),
             reach: self.reach[index],
             end: OutlineEnd { cut_off: self.cut_off[index], hidden: self.hidden[index] },
@@ -210,7 +210,7 @@ impl SupportLines {
     }
 
     /// The lines, from the first direction towards y.
-    pub fn lines(&self) -> impl Iterator<Item = SupportLine> + '_ {
+    pub fn lines(&self) -> impl Iterator<Item = TangentLine> + '_ {
         (0..self.count).map(|index| self.line(index))
     }
 
@@ -229,7 +229,7 @@ impl SupportLines {
 
     /// The same lines with other ends: what is known of the points in which each line touches the outline.
     #[must_use]
-    pub fn with_ends(mut self, end: impl Fn(&SupportLine) -> OutlineEnd) -> Self {
+    pub fn with_ends(mut self, end: impl Fn(&TangentLine) -> OutlineEnd) -> Self {
         for k in 0..self.count {
             let end = end(&self.line(k));
             (self.cut_off[k], self.hidden[k]) = (end.cut_off, end.hidden);
@@ -285,7 +285,7 @@ mod tests {
         let mut points = free(&[[10.0, 20.0], [30.0, 20.0], [10.0, 60.0]]);
         points[1].1.cut_off = true;
         points[2].1.hidden = true;
-        let lines = SupportLines::of_outline(&points).unwrap();
+        let lines = TangentLines::of_outline(&points).unwrap();
         assert_eq!(lines.bounding_box().unwrap().edges(), [10.0, 20.0, 30.0, 60.0]);
         let diagonal = lines.reach[1] * std::f64::consts::SQRT_2;
         assert!((diagonal - 70.0).abs() < 1e-12, "10 + 60 is more than 30 + 20");
@@ -296,9 +296,9 @@ mod tests {
 
     #[test]
     fn what_has_no_extent_has_no_lines() {
-        assert_eq!(SupportLines::of_outline(&[]), None);
-        assert_eq!(SupportLines::of_outline(&free(&[[1.0, 1.0], [1.0, 5.0]])), None);
-        assert_eq!(SupportLines::of_outline(&free(&[[1.0, 1.0], [2.0, f64::NAN], [5.0, 5.0]])), None);
+        assert_eq!(TangentLines::of_outline(&[]), None);
+        assert_eq!(TangentLines::of_outline(&free(&[[1.0, 1.0], [1.0, 5.0]])), None);
+        assert_eq!(TangentLines::of_outline(&free(&[[1.0, 1.0], [2.0, f64::NAN], [5.0, 5.0]])), None);
     }
 
     proptest! {
@@ -315,8 +315,8 @@ mod tests {
                     (ellipse.center + offset, OutlineEnd::default())
                 })
                 .collect();
-            let lines = SupportLines::of_outline(&points).unwrap();
-            let exact = SupportLines::of_ellipse(&ellipse);
+            let lines = TangentLines::of_outline(&points).unwrap();
+            let exact = TangentLines::of_ellipse(&ellipse);
             for k in 0..SUPPORT_DIRECTIONS {
                 let [.., d] = ellipse.tangent_line(&direction(8, 0.0, k));
                 prop_assert!((lines.reach[k] + d).abs() < 2e-5 * a.max(b), "{} {}", lines.reach[k], d);

@@ -12,8 +12,8 @@ use crate::error::{EntryError, ReadError};
 
 impl SceneFile {
     /// Reads the masks of the detections of one source (of all without one) and gives the scene's detections their
-    /// supporting lines ([`FrameMasks::support_lines`]). The scene must be that of this file ([`Self::to_scene`]), and
-    /// `path` is the file's. Unreliable masks of `quadlift segment` (`fell_back`) are skipped. `progress` is called
+    /// supporting lines ([`FrameMasks::tangent_lines`]). The scene must be that of this file ([`Self::to_scene`]), and
+    /// `path` is the file's. Unreliable masks of `quadlift segment` (`fallback`) are skipped. `progress` is called
     /// with the number of frames done and their total.
     ///
     /// Returns what could not be read, with the index of the detection; all others are done.
@@ -28,8 +28,8 @@ impl SceneFile {
         observer: &dyn Observer,
     ) -> Result<Vec<(usize, ReadError)>, EntryError> {
         let images = self.to_images(path)?;
-        let fell_back = |index: usize| {
-            self.detections[index].segmentation.as_ref().is_some_and(|segmentation| segmentation.fell_back())
+        let fallback = |index: usize| {
+            self.detections[index].segmentation.as_ref().is_some_and(|segmentation| segmentation.fallback())
         };
         let found_in_box = |index: usize| {
             self.detections[index].segmentation.as_ref().is_some_and(|segmentation| segmentation.found_in_box())
@@ -37,7 +37,7 @@ impl SceneFile {
         let mut frames: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
         for (index, detection) in scene.detections.iter().enumerate() {
             let chosen = source_index.is_none() || detection.source_index == source_index;
-            if chosen && self.detections[index].mask.is_some() && !fell_back(index) {
+            if chosen && self.detections[index].mask.is_some() && !fallback(index) {
                 frames.entry(detection.frame_index).or_default().push(index);
             }
         }
@@ -56,7 +56,7 @@ impl SceneFile {
             let all = FrameMasks::new(masks.iter().map(|(_, mask)| mask));
             let frame = scene.frames[frame as usize].clone();
             for (index, mask) in &masks {
-                let lines = all.support_lines(mask, frame.image_size, frame.lens.as_ref());
+                let lines = all.tangent_lines(mask, frame.image_size, frame.lens.as_ref());
                 // Masks that were found in a box know its edges from the box.
                 let box_of = |index: usize| scene.detections[index].bounding_box.filter(|_| found_in_box(index));
                 let lines = match box_of(*index) {

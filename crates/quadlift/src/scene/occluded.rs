@@ -1,7 +1,7 @@
 //! Box edges that are probably hidden by another detection (docs/method.md, section 2.1).
 
-use crate::tuning::HIDING_OVERLAP;
-use crate::tuning::HIDING_REACH_PX;
+use crate::tuning::MIN_OCCLUDER_OVERLAP;
+use crate::tuning::OCCLUDER_MARGIN_PX;
 use nalgebra::{Unit, Vector2, Vector3};
 
 use super::Scene;
@@ -16,10 +16,10 @@ const MOST_BOXES: usize = 1000;
 
 impl Scene {
     /// For each detection, which edges of its box (left, top, right, bottom) are probably hidden by another detection
-    /// of its frame: given in [`Detection::hidden_edges`], or computed by [`hidden_edges`]. Detections that `keep`
+    /// of its frame: given in [`Detection::occluded_edges`], or computed by [`occluded_edges`]. Detections that `keep`
     /// rejects neither hide nor are hidden. If the scene has `up`, cameras may be rolled: each image is rotated by the
     /// multiple of 90 degrees that brings the ground closest to its lower edge.
-    pub fn hidden_edges(&self, keep: impl Fn(&Detection) -> bool) -> Vec<[bool; 4]> {
+    pub fn occluded_edges(&self, keep: impl Fn(&Detection) -> bool) -> Vec<[bool; 4]> {
         let mut side_below = vec![BELOW; self.frames.len()];
         if let Some(up) = self.up {
             let mut down = vec![Vector2::zeros(); self.frames.len()];
@@ -34,10 +34,10 @@ impl Scene {
         let side_below = |d: &Detection| side_below[d.frame_index as usize];
         let place = |d: &Detection| Some((d.frame_index, turned(&d.bounding_box?, side_below(d))));
         let boxes: Vec<_> = self.detections.iter().map(|d| if keep(d) { place(d) } else { None }).collect();
-        let mut hidden = hidden_edges(&boxes);
+        let mut hidden = occluded_edges(&boxes);
         for ((hidden, detection), place) in hidden.iter_mut().zip(&self.detections).zip(&boxes) {
             *hidden = turned_back(*hidden, side_below(detection));
-            if let (Some(known), Some(_)) = (detection.hidden_edges, place) {
+            if let (Some(known), Some(_)) = (detection.occluded_edges, place) {
                 *hidden = known;
             }
         }
@@ -101,7 +101,7 @@ fn turned_back([left, top, right, bottom]: [bool; 4], below: usize) -> [bool; 4]
 /// For each box with its frame, which of its edges (left, top, right, bottom) lie inside another box of the frame that
 /// reaches lower in the image, and is therefore nearer if objects stand on the ground. Only left and right edges are
 /// detected; invalid boxes neither hide nor are hidden.
-pub fn hidden_edges<F: Ord>(boxes: &[Option<(F, BoundingBox)>]) -> Vec<[bool; 4]> {
+pub fn occluded_edges<F: Ord>(boxes: &[Option<(F, BoundingBox)>]) -> Vec<[bool; 4]> {
     let mut hidden = vec![[false; 4]; boxes.len()];
     let mut places: Vec<(usize, &F, &BoundingBox)> = Vec::with_capacity(boxes.len());
     places.extend(boxes.iter().enumerate().filter_map(|(k, place)| place.as_ref().map(|(frame, b)| (k, frame, b))));
@@ -112,11 +112,12 @@ pub fn hidden_edges<F: Ord>(boxes: &[Option<(F, BoundingBox)>]) -> Vec<[bool; 4]
         for (k, (index, _, far)) in of_frame.iter().enumerate() {
             for (.., near) in &of_frame[..k] {
                 let overlap = far.y1.min(near.y1) - far.y0.max(near.y0);
-                if near.y1 <= far.y1 + LOWER_PX || overlap < HIDING_OVERLAP.get() * (far.y1 - far.y0) {
+                if near.y1 <= far.y1 + LOWER_PX || overlap < MIN_OCCLUDER_OVERLAP.get() * (far.y1 - far.y0) {
                     continue;
                 }
                 for (edge, x) in [(0, far.x0), (2, far.x1)] {
-                    hidden[*index][edge] |= near.x0 - HIDING_REACH_PX.get() < x && x < near.x1 + HIDING_REACH_PX.get();
+                    hidden[*index][edge] |=
+                        near.x0 - OCCLUDER_MARGIN_PX.get() < x && x < near.x1 + OCCLUDER_MARGIN_PX.get();
                 }
             }
         }
@@ -146,14 +147,14 @@ mod tests {
         add("a", [190.0, 10.0, 260.0, 52.0]); // high above: overlaps the near one, a third of its height
         add("b", [100.0, 50.0, 200.0, 100.0]); // alone in its frame
         let mut scene = builder.build();
-        let hidden = scene.hidden_edges(|_| true);
+        let hidden = scene.occluded_edges(|_| true);
         assert_eq!(hidden[0], [false, false, true, false]);
         assert_eq!(hidden[1], [false; 4]);
         assert_eq!(hidden[2], [false; 4], "less than 30 % of its height lies beside the near box");
         assert_eq!(hidden[3], [false; 4]);
-        assert_eq!(scene.hidden_edges(|_| false), vec![[false; 4]; 4]);
-        scene.0.detections[0].hidden_edges = Some([true, false, false, false]);
-        assert_eq!(scene.hidden_edges(|_| true)[0], [true, false, false, false], "what is known counts");
+        assert_eq!(scene.occluded_edges(|_| false), vec![[false; 4]; 4]);
+        scene.0.detections[0].occluded_edges = Some([true, false, false, false]);
+        assert_eq!(scene.occluded_edges(|_| true)[0], [true, false, false, false], "what is known counts");
     }
 
     /// Cameras that look along x, upright and rolled by quarter turns: the same two edges of the same object are hidden.
@@ -184,7 +185,7 @@ mod tests {
             let mut scene = builder.build();
             scene.0.up = Some(up);
             let expected = turned_back([false, false, true, false], below);
-            assert_eq!(scene.hidden_edges(|_| true), [expected, [false; 4]], "below is side {below}");
+            assert_eq!(scene.occluded_edges(|_| true), [expected, [false; 4]], "below is side {below}");
             assert_eq!(expected.iter().position(|&hidden| hidden), Some([3, 0, 1, 2][below]));
         }
     }

@@ -1,11 +1,11 @@
-//! What is learnt about the sizes of a category.
+//! What is learned about the sizes of a category.
 
 use super::options::SizePrior;
 use crate::geometry::BodyKind;
 
-/// The size of a category and kind of body, learnt from the objects of the scene ([`super::MapOptions::learn_sizes`]).
+/// The size of a category and kind of body, learned from the objects of the scene ([`super::MapOptions::learn_sizes`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LearntCategorySize {
+pub struct LearnedCategorySize {
     /// Index into [`crate::scene::SceneParts::categories`].
     pub category: usize,
     /// The kind of body of the objects.

@@ -1,12 +1,12 @@
-//! Sizes of categories, learnt from the objects of the scene, and their effect on the objects (docs/method.md, section 21).
+//! Sizes of categories, learned from the objects of the scene, and their effect on the objects (docs/method.md, section 21).
 
 use std::collections::BTreeMap;
 
 use crate::geometry::BodyKind;
-use crate::solve::learnt_size::LearntCategorySize;
+use crate::solve::learned_size::LearnedCategorySize;
 use crate::solve::map::context::MapContext;
 use crate::solve::map::object::fit::Fit;
-use crate::solve::map::shared::size_model::{LearntSizes, SizeDistribution, SizeInformation};
+use crate::solve::map::shared::size_model::{LearnedSizes, SizeDistribution, SizeInformation};
 
 /// The sizes of the categories of a scene; ellipsoids and cuboids of one category have different extents, so that each kind of
 /// body has its own.
@@ -23,7 +23,7 @@ struct Group {
     category: usize,
     kind: BodyKind,
     objects: usize,
-    sizes: LearntSizes,
+    sizes: LearnedSizes,
 }
 
 impl SceneSizes {
@@ -45,7 +45,7 @@ impl SceneSizes {
             let ordered =
                 |(_, fit, told): &&(usize, &Fit, SizeInformation)| told.ordered(fit.order_of_axes(up.as_ref()));
             let told: Vec<SizeInformation> = members.iter().map(ordered).collect();
-            let sizes = LearntSizes::of(&told, up.is_some(), context.options.shape_sd);
+            let sizes = LearnedSizes::of(&told, up.is_some(), context.options.shape_sd);
             found.of_object.extend(members.iter().zip(&sizes.of_each).map(|((index, ..), size)| (*index, *size)));
             found.groups.push(Group { category: key.0, kind: key.1, objects: members.len(), sizes });
         }
@@ -67,8 +67,8 @@ impl SceneSizes {
         self.of_object.values().all(Option::is_none)
     }
 
-    /// What was learnt, by category and kind of body.
-    pub(crate) fn report(&self) -> Vec<LearntCategorySize> {
+    /// What was learned, by category and kind of body.
+    pub(crate) fn report(&self) -> Vec<LearnedCategorySize> {
         self.groups.iter().map(|group| group.sizes.report(group.category, group.kind, group.objects)).collect()
     }
 }

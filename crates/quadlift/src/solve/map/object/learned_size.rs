@@ -1,4 +1,4 @@
-//! The size of an object and its category: what the object itself tells, and its fit with the prior learnt from the others
+//! The size of an object and its category: what the object itself tells, and its fit with the prior learned from the others
 //! (docs/method.md, section 21).
 
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Unit, Vector3};
 
 use super::fit::Fit;
 use super::model::Model;
-use super::prior::{LearntSize, ObjectPrior};
+use super::prior::{LearnedSize, ObjectPrior};
 use super::problem::{FROM_START, ObjectProblem};
 use super::size_site::{ShapeInformation, SizeSite, Vector6, shape_precision};
 use crate::body_model::BodyModel;
@@ -38,8 +38,8 @@ impl Fit {
             }
             None => {
                 let prior = &self.problem.prior;
-                let prior = match &prior.learnt_size {
-                    Some(learnt) => learnt.precision(&self.body),
+                let prior = match &prior.learned_size {
+                    Some(learned) => learned.precision(&self.body),
                     None => (across() * (prior.shape_weight * prior.shape_weight), Vector3::zeros()),
                 };
                 let gradients = SMatrix::<f64, 3, 9>::from_rows(&self.body.log_axes_gradient().map(|row| row.into()));
@@ -99,20 +99,20 @@ impl Fit {
         first_order(&self.body.semi_axes().map(f64::ln), self.body.axes(), up.as_ref())
     }
 
-    /// The fit with the shape prior in the place of a size that was learnt before, if there was one.
-    pub(crate) fn without_learnt_size(&self, context: &MapContext) -> Self {
-        let ObjectPrior { learnt_size, size_site, .. } = &self.problem.prior;
-        if learnt_size.is_none() && size_site.is_none() {
+    /// The fit with the shape prior in the place of a size that was learned before, if there was one.
+    pub(crate) fn without_learned_size(&self, context: &MapContext) -> Self {
+        let ObjectPrior { learned_size, size_site, .. } = &self.problem.prior;
+        if learned_size.is_none() && size_site.is_none() {
             return self.clone();
         }
         let mut problem = ObjectProblem::clone(&self.problem);
         problem.prior.shape_weight = 1.0 / context.options.shape_sd;
-        (problem.prior.learnt_size, problem.prior.size_site) = (None, None);
+        (problem.prior.learned_size, problem.prior.size_site) = (None, None);
         Self { problem: Arc::new(problem), ..self.clone() }
     }
 
-    /// The fit with a learnt size in the place of the shape prior; as it was where the size says nothing that can be used.
-    pub(crate) fn with_learnt_size(
+    /// The fit with a learned size in the place of the shape prior; as it was where the size says nothing that can be used.
+    pub(crate) fn with_learned_size(
         &self,
         size: &SizeDistribution,
         level: f64,
@@ -135,14 +135,14 @@ impl Fit {
         } else {
             // No category differs more than any objects do.
             let of_any = 0.5 * (across() * size.covariance).trace() / context.options.shape_sd.powi(2);
-            let Some(learnt) = LearntSize::new(&size, up, (level * level).max(of_any)) else { return self.clone() };
+            let Some(learned) = LearnedSize::new(&size, up, (level * level).max(of_any)) else { return self.clone() };
             let first = first_order(&self.body.semi_axes().map(f64::ln), self.body.axes(), up.as_ref());
             starts.extend(orders(size.named).iter().map(|order| {
                 let mut semi_axes = Vector3::zeros();
                 (0..3).for_each(|k| semi_axes[first[order[k]]] = size.mean[k].exp());
                 self.body.of_size(semi_axes)
             }));
-            problem.prior.learnt_size = Some(learnt);
+            problem.prior.learned_size = Some(learned);
             problem.prior.shape_weight = 0.0;
         }
         let fit = Self { problem: Arc::new(problem), ..self.clone() };

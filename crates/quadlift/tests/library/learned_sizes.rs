@@ -1,4 +1,4 @@
-//! Sizes of categories that are learnt from the objects of the scene.
+//! Sizes of categories that are learned from the objects of the scene.
 
 use quadlift::geometry::{Body, BodyKind};
 use quadlift::metrics::{iou3d_bodies, nees};
@@ -30,7 +30,7 @@ fn localized(scene: &Scene, learn_sizes: bool, body: BodyKind) -> Localization {
     localize(scene, &MapOptions { learn_sizes, body: Some(body), ..Default::default() }.into()).unwrap()
 }
 
-/// Mean IoU over so many scenes, without and with learnt sizes, and the medians of the NEES.
+/// Mean IoU over so many scenes, without and with learned sizes, and the medians of the NEES.
 fn without_and_with(
     scenes: u64,
     views: usize,
@@ -81,26 +81,27 @@ fn a_category_that_is_a_name_only_does_no_harm() {
 }
 
 #[test]
-fn what_is_learnt_is_reported_and_the_same_every_time() {
+fn what_is_learned_is_reported_and_the_same_every_time() {
     let made = made(41, 4, CategorySizes::Alike(0.05), false, BodyKind::Ellipsoid);
     let found = localized(&made.scene, true, BodyKind::Ellipsoid);
-    assert_eq!(found.learnt_sizes.len(), 4);
-    for learnt in &found.learnt_sizes {
-        let members = (0..32).filter(|k| k % 4 == learnt.category).count();
-        assert_eq!(learnt.objects, members);
-        assert!((3.0..8.0).contains(&learnt.well_determined), "{learnt:?}");
-        let SizePrior { mean, sd } = learnt.size.unwrap();
-        let mut truth: Vec<f64> = (made.truth[learnt.category].1.ellipsoid().semi_axes * 2.0).iter().copied().collect();
+    assert_eq!(found.learned_sizes.len(), 4);
+    for learned in &found.learned_sizes {
+        let members = (0..32).filter(|k| k % 4 == learned.category).count();
+        assert_eq!(learned.objects, members);
+        assert!((3.0..8.0).contains(&learned.well_determined), "{learned:?}");
+        let SizePrior { mean, sd } = learned.size.unwrap();
+        let mut truth: Vec<f64> =
+            (made.truth[learned.category].1.ellipsoid().semi_axes * 2.0).iter().copied().collect();
         truth.sort_by(|a, b| b.total_cmp(a));
         let mut sorted = mean;
         sorted.sort_by(|a, b| b.total_cmp(a));
         for (found, truth) in sorted.iter().zip(truth) {
-            assert!((found / truth).ln().abs() < 0.25, "{learnt:?} {truth}");
+            assert!((found / truth).ln().abs() < 0.25, "{learned:?} {truth}");
         }
-        assert!(sd.iter().zip(mean).all(|(sd, mean)| (0.05..0.4).contains(&(sd / mean))), "{learnt:?}");
+        assert!(sd.iter().zip(mean).all(|(sd, mean)| (0.05..0.4).contains(&(sd / mean))), "{learned:?}");
     }
     let again = localized(&made.scene, true, BodyKind::Ellipsoid);
-    assert_eq!(again.learnt_sizes, found.learnt_sizes);
+    assert_eq!(again.learned_sizes, found.learned_sizes);
     assert!(found.estimates.iter().zip(&again.estimates).all(|(a, b)| a == b));
 }
 
@@ -121,7 +122,7 @@ fn single_objects_and_given_sizes_are_left_as_they_are() {
         localized(&made.scene, true, BodyKind::Ellipsoid),
     );
     assert!(without == with.estimates);
-    assert!(with.learnt_sizes.iter().all(|learnt| learnt.size.is_none() && learnt.objects == 1));
+    assert!(with.learned_sizes.iter().all(|learned| learned.size.is_none() && learned.objects == 1));
 
     // A size that is given wins.
     let made = self::made(41, 3, CategorySizes::Alike(0.05), false, BodyKind::Ellipsoid);
@@ -130,7 +131,7 @@ fn single_objects_and_given_sizes_are_left_as_they_are() {
     let prior = CategoryPrior { size: Some(size), ..Default::default() };
     options.priors.by_category.insert("category_1".to_owned(), prior);
     let found = localize(&made.scene, &options.into()).unwrap();
-    let learnt: Vec<&str> =
-        found.learnt_sizes.iter().map(|learnt| made.scene.categories[learnt.category].as_str()).collect();
-    assert_eq!(learnt, ["category_0", "category_2", "category_3"]);
+    let learned: Vec<&str> =
+        found.learned_sizes.iter().map(|learned| made.scene.categories[learned.category].as_str()).collect();
+    assert_eq!(learned, ["category_0", "category_2", "category_3"]);
 }
