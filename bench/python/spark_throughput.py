@@ -3,10 +3,11 @@
     cargo build --release -p quadlift-cli
     python bench/python/spark_throughput.py target/release/quadlift [OBJECTS]
 
-Needs the package with its extra `spark` (a release build) and Java. 100,000 objects (or as many as are asked for) in 10
-views each, a hundred objects to a frame; local[2], all on this machine. Prints seconds and objects a second of a first
-and a second run with noise levels given, of one that finds them, with the cameras joined, and without occluded edges, the
-peak memory of the Python workers and of the JVM, and the same of the program, whose answers are compared bit by bit.
+Needs the package with its extra `spark` (a release build) and Java. 100,000 objects (or as many as are asked for) in
+10 views each, a hundred objects to a frame; local[2], all on this machine. Prints seconds and objects a second of a
+first and a second run with noise levels given, of one that finds them, with the cameras joined, and without occluded
+edges, the peak memory of the Python workers and of the JVM, and the same of the program, whose answers are compared
+bit by bit.
 """
 
 from __future__ import annotations

@@ -111,8 +111,8 @@ def localize_objects(
         - `scene` (optional) and `object`: whole numbers or texts; null, "" and negative numbers mean no object,
         - `frame`, `x0`, `y0`, `x1`, `y1`: lists of equal length with one entry per view: its frame (whole numbers or
           texts) and the box in pixels,
-        - `category` (texts), `occluded_edges` and `occluded_lines` (see `with_occluded_edges`), optional: lists of the same
-          length,
+        - `category` (texts), `occluded_edges` and `occluded_lines` (see `with_occluded_edges`), optional: lists of
+          the same length,
         - outlines and turned boxes, optional: lists of the same length `outline` (lists of x and y of the corners in
           turn) and `oriented_box_x`, `oriented_box_y`, `oriented_box_width`, `oriented_box_height`,
           `oriented_box_angle`; a box of nulls is the one around them,
