@@ -237,16 +237,12 @@ impl Correction {
             Self::TurnedPictures { orientation, fractions } => {
                 PixelMap::from_shown(orientation, image_size?, fractions)
             }
-            Self::NormalizedLetterbox => {
+            Self::Letterbox(_) | Self::NormalizedLetterbox => {
                 let size = image_size?;
-                let side = Vector2::repeat(size.max());
-                PixelMap::scaling(side.component_div(&size), (size - side) * 0.5)
-            }
-            Self::Letterbox(side) => {
-                let size = image_size?;
-                let factor = size.max() / side;
                 // The longer side fills the square, the shorter one has a margin on both sides.
-                PixelMap::scaling(Vector2::repeat(factor), -(Vector2::repeat(side) * factor - size) * 0.5)
+                let square = Vector2::repeat(size.max());
+                let measured = if let Self::Letterbox(side) = *self { Vector2::repeat(side) } else { size };
+                PixelMap::scaling(square.component_div(&measured), (size - square) * 0.5)
             }
             _ => PixelMap::IDENTITY,
         })

@@ -7,7 +7,7 @@ use super::refine::{Match, refine};
 use super::score::{gain, predictions};
 use crate::geometry::rigid::Pose;
 use crate::geometry::rotation::{between, nearest_rotation, nearest_turn};
-use crate::optimize::bits::ones;
+use crate::optimize::bits::{after, count, ones};
 
 /// Groups of candidates whose support is counted at most; of more, that of evenly spread ones.
 const MOST_GROUPS: usize = 200_000;
@@ -65,11 +65,9 @@ impl Groups {
 
 /// Poses of the groups of one round that explain many boxes, the best first.
 pub(super) fn starts(query: &PreparedQuery, groups: &Groups, round: usize) -> Vec<Pose> {
-    let mut scored: Vec<(f64, Pose)> = groups
-        .members
+    let members = groups.members.chunks(HYPOTHESES_OF_ROUND).nth(round).unwrap_or_default();
+    let mut scored: Vec<(f64, Pose)> = members
         .iter()
-        .skip(round * HYPOTHESES_OF_ROUND)
-        .take(HYPOTHESES_OF_ROUND)
         .filter_map(|group| {
             let members: Vec<&Candidate> = group.iter().map(|&k| &query.candidates[k]).collect();
             let matches: Vec<Match> = members.iter().map(|c| Match::new(query, c.query_box, c.landmark)).collect();
@@ -147,14 +145,8 @@ impl Compatible {
     }
 
     /// The candidates that go with all of these.
-    fn common<'a>(&'a self, group: &'a [usize]) -> impl Iterator<Item = u64> + 'a {
-        (0..self.words).map(move |word| group.iter().fold(u64::MAX, |all, &place| all & self.row(place)[word]))
-    }
-
-    /// The later ones of them.
-    fn later<'a>(&'a self, group: &'a [usize]) -> impl Iterator<Item = usize> + 'a {
-        let last = group.iter().max().copied().unwrap_or(0);
-        ones(self.common(group)).skip_while(move |&place| place <= last)
+    fn common(&self, group: &[usize]) -> impl Iterator<Item = u64> {
+        (0..self.words).map(|word| group.iter().fold(u64::MAX, |all, &place| all & self.row(place)[word]))
     }
 
     /// How many boxes have a candidate that goes with all of a group: of a true one nearly all, of others by chance.
@@ -163,12 +155,13 @@ impl Compatible {
         ones(self.common(group)).filter(|&place| last.replace(self.boxes[place]) != Some(self.boxes[place])).count()
     }
 
-    fn all_pairs(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
-        (0..self.places.len()).flat_map(move |i| self.later_of_one(i).map(move |j| [i, j]))
+    fn all_pairs(&self) -> impl Iterator<Item = [usize; 2]> {
+        (0..self.places.len()).flat_map(|i| ones(after(i, self.row(i).iter().copied())).map(move |j| [i, j]))
     }
 
-    fn later_of_one(&self, place: usize) -> impl Iterator<Item = usize> + '_ {
-        ones(self.row(place).iter().copied()).skip_while(move |&other| other <= place)
+    /// The third ones of triples, as bits.
+    fn thirds(&self, pair: &[usize; 2]) -> impl Iterator<Item = u64> {
+        after(pair[1], self.common(pair))
     }
 
     fn pairs(&self) -> Vec<Vec<usize>> {
@@ -178,14 +171,14 @@ impl Compatible {
     }
 
     fn triples(&self) -> Vec<Vec<usize>> {
-        let number = |pair: &[usize; 2]| self.later(pair).count();
-        let count = self.all_pairs().map(|pair| number(&pair)).sum();
+        let all = self.all_pairs().map(|pair| count(self.thirds(&pair))).sum();
         let mut before = 0;
         let mut chosen = Vec::new();
         for pair in self.all_pairs() {
-            let end = before + number(&pair);
-            if first_chosen(before, count, MOST_GROUPS) < end {
-                let of_pair = self.later(&pair).enumerate().filter(|(k, _)| is_chosen(before + k, count, MOST_GROUPS));
+            let end = before + count(self.thirds(&pair));
+            if first_chosen(before, all, MOST_GROUPS) < end {
+                let thirds = ones(self.thirds(&pair)).enumerate();
+                let of_pair = thirds.filter(|(k, _)| is_chosen(before + k, all, MOST_GROUPS));
                 chosen.extend(of_pair.map(|(_, k)| vec![pair[0], pair[1], k]));
             }
             before = end;

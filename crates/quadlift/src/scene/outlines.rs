@@ -1,5 +1,6 @@
 //! Outlines and turned boxes of detections: from the image to supporting lines (docs/method.md, section 2.2).
 
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::ops::Index;
 
@@ -162,7 +163,9 @@ struct ImageOutline {
     detection: usize,
     /// Its corners in the image.
     corners: Vec<Vector2<f64>>,
-    /// The same in pixels of the pinhole camera.
+    /// The box around them.
+    around: Option<BoundingBox>,
+    /// The corners in pixels of the pinhole camera.
     points: Vec<(Vector2<f64>, OutlineEnd)>,
 }
 
@@ -197,7 +200,7 @@ impl ImageOutline {
             None => corners.clone(),
         };
         let points = points.into_iter().zip(ends).collect();
-        Ok(Self { detection, corners, points })
+        Ok(Self { detection, around: box_around(&corners), corners, points })
     }
 
     /// The supporting lines; `None` outside of the image, and if the lens has no pinhole pixels for it.
@@ -205,13 +208,18 @@ impl ImageOutline {
         TangentLines::of_outline(&self.points)
     }
 
-    /// The box around it in the image.
-    fn box_in_image(&self) -> Option<BoundingBox> {
-        box_around(&self.corners)
-    }
-
     /// Where a point of the image lies.
     fn place_of(&self, point: &Vector2<f64>) -> Place {
+        let is_near = |b: &BoundingBox| {
+            let [x0, y0, x1, y1] = b.edges();
+            point.x >= x0 - TOUCHING_PX
+                && point.y >= y0 - TOUCHING_PX
+                && point.x <= x1 + TOUCHING_PX
+                && point.y <= y1 + TOUCHING_PX
+        };
+        if !self.around.as_ref().is_some_and(is_near) {
+            return Place::Outside;
+        }
         let mut inside = false;
         for (k, b) in self.corners.iter().enumerate() {
             let a = &self.corners[(k + self.corners.len() - 1) % self.corners.len()];
@@ -296,20 +304,14 @@ fn touch(outlines: &[ImageOutline]) -> Vec<(usize, Vec<bool>)> {
     if outlines.len() < 2 || outlines.len() > MOST_OUTLINES {
         return Vec::new();
     }
-    let boxes: Vec<Option<BoundingBox>> = outlines.iter().map(|outline| outline.box_in_image()).collect();
-    let near = |index: usize, point: &Vector2<f64>| {
-        boxes[index].is_some_and(|b| {
-            let [x0, y0, x1, y1] = b.edges();
-            point.x >= x0 - TOUCHING_PX
-                && point.y >= y0 - TOUCHING_PX
-                && point.x <= x1 + TOUCHING_PX
-                && point.y <= y1 + TOUCHING_PX
-        }) && outlines[index].place_of(point) == Place::Edge
-    };
     let of_outline = |(index, outline): (usize, &ImageOutline)| {
         let lines = outline.tangent_lines()?;
-        let hides = |other: usize| other != index && !outline.overlaps(&outlines[other]);
-        let others = |point: &Vector2<f64>| (0..outlines.len()).any(|other| near(other, point) && hides(other));
+        let overlaps = vec![OnceCell::new(); outlines.len()];
+        let hides = |other: usize| !overlaps[other].get_or_init(|| outline.overlaps(&outlines[other]));
+        let others = |point: &Vector2<f64>| {
+            let touches = |other: usize| other != index && outlines[other].place_of(point) == Place::Edge;
+            (0..outlines.len()).any(|other| touches(other) && hides(other))
+        };
         let hidden = |line: TangentLine| {
             let mut on_line = outline.points.iter().zip(&outline.corners);
             on_line.any(|((p, _), corner)| line.normal.dot(p) == line.reach && others(corner))

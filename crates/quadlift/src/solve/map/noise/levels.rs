@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn hidden_edges_have_a_factor_of_their_own_once_they_are_many() {
+    fn occluded_edges_have_a_factor_of_their_own_once_they_are_many() {
         let both = [NoiseGroup::Edge, NoiseGroup::OccludedEdge];
         let ratio = |levels: &NoiseLevels| levels.of(NoiseGroup::OccludedEdge) / levels.of(NoiseGroup::Edge);
         assert!((1.0..1.01).contains(&ratio(&levels(&both, 0.03, 4000, 10).0)));

@@ -86,16 +86,18 @@ fn weight_of_depth(depth: &DepthCue) -> f64 {
 /// [`weight`] of each kind of error of these cues. Where they are all scaled by one factor, only the noise levels change.
 pub(crate) fn weights(cues: Cues) -> impl Iterator<Item = (NoiseGroup, f64)> {
     let depth = cues.depth.map(|depth| (NoiseGroup::Depth, weight_of_depth(&depth)));
-    let of_box = cues.box3d.map(|Box3dCue { sd: Box3dSd { distance, direction, size, rotation }, .. }| {
-        [
-            (NoiseGroup::BoxDistance, distance),
-            (NoiseGroup::BoxDirection, direction),
-            (NoiseGroup::BoxSize, size),
-            (NoiseGroup::BoxRotation, rotation),
-        ]
-        .map(|(group, sd)| (group, weight(sd, group)))
-    });
+    let of_box = cues.box3d.map(|box3d| GROUPS_OF_BOX.into_iter().zip(weights_of_box(&box3d.sd)));
     depth.into_iter().chain(of_box.into_iter().flatten())
+}
+
+/// Kinds of errors of a 3D box.
+const GROUPS_OF_BOX: [NoiseGroup; 4] =
+    [NoiseGroup::BoxDistance, NoiseGroup::BoxDirection, NoiseGroup::BoxSize, NoiseGroup::BoxRotation];
+
+/// [`weight`] of each of [`GROUPS_OF_BOX`].
+fn weights_of_box(&Box3dSd { distance, direction, size, rotation }: &Box3dSd) -> [f64; 4] {
+    let sds = [distance, direction, size, rotation];
+    std::array::from_fn(|k| weight(sds[k], GROUPS_OF_BOX[k]))
 }
 
 impl MeasuredCue {
@@ -221,6 +223,7 @@ impl MeasuredDepth {
 impl MeasuredBox3d {
     fn new(measured: &Box3dCue, view: &View, frame: &ObjectFrame, named: bool) -> Option<Self> {
         let frame_from_cam = frame.axes.tr_mul(&view.projection.world_from_cam_rotation()?);
+        let [distance, direction, size, rotation] = weights_of_box(&measured.sd);
         let center = match measured.center {
             Some(center) => {
                 let camera = frame.point_from_world(&view.projection.center_in_world()?);
@@ -231,10 +234,7 @@ impl MeasuredBox3d {
                     ray: *ray,
                     across: horizontal_basis(&ray),
                     log_distance: offset.norm().ln(),
-                    weights: [
-                        weight(measured.sd.distance, NoiseGroup::BoxDistance),
-                        weight(measured.sd.direction, NoiseGroup::BoxDirection),
-                    ],
+                    weights: [distance, direction],
                 })
             }
             None => None,
@@ -245,9 +245,7 @@ impl MeasuredBox3d {
             named,
         };
         let shape = (shape.axes.is_some() || shape.log_half_extents.is_some()).then_some(shape);
-        let weights =
-            [weight(measured.sd.size, NoiseGroup::BoxSize), weight(measured.sd.rotation, NoiseGroup::BoxRotation)];
-        Some(Self { center, shape, weights })
+        Some(Self { center, shape, weights: [size, rotation] })
     }
 }
 

@@ -124,14 +124,14 @@ impl Measurements {
                 // The box's edges stand for it.
                 Some(_) if ellipses_as_planes => {}
                 None if ellipses_as_planes => {
-                    self.push_support_lines(&p, &TangentLines::of_ellipse(observed), observed.semi_axes.mean());
+                    self.push_tangent_lines(&p, &TangentLines::of_ellipse(observed), observed.semi_axes.mean());
                 }
                 beside => ellipse = Some(EllipseMeasurement::new(&p, observed, beside.is_some(), view.partial)),
             }
         }
         let lines = view.tangent_lines.as_ref().filter(|_| view.bounding_box.is_some());
         if let Some(lines) = lines {
-            self.push_support_lines(&p, lines, lines.mean_half_size());
+            self.push_tangent_lines(&p, lines, lines.mean_half_size());
         } else if let Some(bounding_box) = &view.bounding_box {
             let half_size = bounding_box.mean_half_size();
             for edge in [0, 2, 1, 3] {
@@ -158,7 +158,7 @@ impl Measurements {
         });
     }
 
-    fn push_support_lines(&mut self, p: &Matrix3x4<f64>, lines: &TangentLines, half_size: f64) {
+    fn push_tangent_lines(&mut self, p: &Matrix3x4<f64>, lines: &TangentLines, half_size: f64) {
         let half = lines.count() / 2;
         for line in (0..half).flat_map(|k| [k, k + half]).map(|k| lines.line(k)) {
             let plane = Plane::new(support_plane(p, &line) / half_size);

@@ -121,10 +121,8 @@ impl SceneFit {
             return Self::fit_from(body_kinds, views_of, NoiseLevels::given(sigmas, pixel_size), none, context);
         }
         let cues = || (0..body_kinds.len()).flat_map(|k| views_of(k).views).flat_map(|view| weights(view.cues));
-        let default = match context.has_cues {
-            true => NoiseLevels::of_weights(pixel_size, cues()),
-            false => NoiseLevels::new(pixel_size),
-        };
+        let default =
+            if context.has_cues { NoiseLevels::of_weights(pixel_size, cues()) } else { NoiseLevels::new(pixel_size) };
         let scales = Self::first_scales(body_kinds, views_of, default, context).unwrap_or(none);
         let scene = Self::fit_from(body_kinds, views_of, default, scales.clone(), context);
         if scene.statistics.determined() > WELL_DETERMINED {
