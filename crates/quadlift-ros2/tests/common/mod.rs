@@ -5,8 +5,8 @@
 use std::path::Path;
 use std::process::Command;
 
-use quadlift::online::ObjectMap;
 use quadlift::geometry::BodyKind;
+use quadlift::online::ObjectMap;
 use quadlift::synthetic::{Detector, Noise, Observations, SyntheticIds, SyntheticOptions, Trajectory, generate};
 use quadlift_io::SceneFile;
 use quadlift_io::mcap::{McapOptions, RecordedMessage, parse_mcap, recorded_messages};
