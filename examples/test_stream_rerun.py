@@ -89,7 +89,7 @@ class StreamRerun(unittest.TestCase):
 
     def test_a_recording_of_a_scene(self):
         folder = self.folder
-        quadlift(folder, "synth", "-o", "scene.json", "--truth", "truth.json", "--no-ids", "--objects", "6", "--views", "20",
+        quadlift(folder, "synth", "-o", "scene.json", "--ground-truth", "truth.json", "--no-ids", "--objects", "6", "--views", "20",
                  "--seed", "2", "--noise", "box:0.03")
         plain = stream(folder, "scene.json", "--map", "plain.json", "-q")
         shown = stream(folder, "scene.json", "--map", "shown.json", "--rerun=live.rrd")

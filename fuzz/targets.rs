@@ -392,7 +392,7 @@ fn localize(data: &[u8]) -> bool {
     let named: Method = Method::NAMES[usize::from(*method) % Method::NAMES.len()].parse().unwrap();
     let mut options = LocalizeOptions { allow_inconsistent: method & 64 != 0, ..LocalizeOptions::from(named) };
     let kinds = [None, Some(BodyKind::Ellipsoid), Some(BodyKind::Cuboid), Some(BodyKind::Cylinder)];
-    if let Some(map) = options.method.map_options_mut() {
+    if let Some(map) = options.method.posterior_options_mut() {
         map.body = kinds[usize::from(*body) % kinds.len()];
     }
     let Some(found) = localized(file, options) else { return false };

@@ -358,7 +358,7 @@ def largest_difference(found, expected):
 
 
 # Noise levels are given, so that the estimate of an object depends on its own views alone and not on the last digit of others.
-SIGMAS = ["--sigmas", "edge_relative=0.02,edge_px=1", "--body", "ellipsoid"]
+NOISE_MODEL = ["--noise-model", "edge_noise=0.02,edge_noise_px=1", "--body", "ellipsoid"]
 
 
 def check_import(quadlift, folder, drive, expected):
@@ -375,7 +375,7 @@ def check_import(quadlift, folder, drive, expected):
     out = folder / "out.json"
     for name, log in logs.items():
         up = ["--up", "z"] if "Foxglove" in name else []
-        said = run(quadlift, "localize", log, "-o", out, *SIGMAS, *up)
+        said = run(quadlift, "localize", log, "-o", out, *NOISE_MODEL, *up)
         # A message of annotations without a box has no time, and so is no frame.
         frames = {d["frame"] for d in drive.scene["detections"]} if "Foxglove" in name else drive.stamps
         assert f"poses of frames: {len(frames)} at the time of their transforms" in said, said
@@ -384,7 +384,7 @@ def check_import(quadlift, folder, drive, expected):
         print(f"import, {name}: {len(expected)} objects, largest difference {difference:.1e}")
     # Where no transform has the time of an image.
     log = write_with_mcap(folder / "jitter.mcap", drive, jittered(drive.stamps))
-    said = run(quadlift, "localize", log, "-o", out, *SIGMAS)
+    said = run(quadlift, "localize", log, "-o", out, *NOISE_MODEL)
     assert "interpolated between transforms up to 0.0" in said, said
     difference = largest_difference(bodies(out), expected)
     run(quadlift, "import", "mcap", log, "-o", folder / "scene.json")
@@ -403,19 +403,19 @@ def check_import(quadlift, folder, drive, expected):
     assert len(json.loads((folder / "scene.json").read_text())["frames"]) == len(drive.stamps) - 5
     # Poses of odometry instead of the moving transforms.
     log = write_with_mcap(folder / "odometry.mcap", drive, exact, change=with_odometry)
-    said = run(quadlift, "localize", log, "-o", out, *SIGMAS)
+    said = run(quadlift, "localize", log, "-o", out, *NOISE_MODEL)
     assert 'the poses of /odom are those of the frame "base_link"' in said, said
     difference = largest_difference(bodies(out), expected)
     assert difference < 1e-9, difference
     print(f"import, odometry: largest difference {difference:.1e}")
     # The same with poses that do not name their frame: they are those of the root of the camera's tree.
     log = write_with_mcap(folder / "pose.mcap", drive, exact, change=lambda listed: with_odometry(listed, stamped=True))
-    said = run(quadlift, "localize", log, "-o", out, *SIGMAS)
+    said = run(quadlift, "localize", log, "-o", out, *NOISE_MODEL)
     assert 'the poses of /pose are those of the frame "base_link"' in said, said
     assert largest_difference(bodies(out), expected) < 1e-9
     # Two cameras in turn, a third one that is not calibrated, and images.
     log = write_with_mcap(folder / "cameras.mcap", drive, exact, change=with_two_cameras)
-    said = run(quadlift, "localize", log, "-o", out, *SIGMAS)
+    said = run(quadlift, "localize", log, "-o", out, *NOISE_MODEL)
     assert "/thermal/camera_info: K is zero: the camera is not calibrated" in said, said
     assert largest_difference(bodies(out), expected) < 1e-9
     run(quadlift, "import", "mcap", log, "-o", folder / "scene.json", "--write-images", folder / "images")
@@ -822,7 +822,7 @@ def main():
             detection.update(score=0.75, category="cup")
         scene_path.write_text(json.dumps(scene))
         estimate = folder / "estimate.json"
-        run(quadlift, "localize", scene_path, "-o", estimate, *SIGMAS)
+        run(quadlift, "localize", scene_path, "-o", estimate, *NOISE_MODEL)
         drive, expected = Drive(scene), bodies(estimate)
         if "--seeds" in sys.argv:
             write_seeds(Path(__file__).parent.parent / "fuzz/seeds/mcap", scene)

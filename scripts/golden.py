@@ -22,13 +22,13 @@ SYNTHETIC = {
     "few-views": "--objects 8 --views 3 --noise box:0.03",
     "one-view": "--objects 5 --views 1 --cues depth,box3d --trajectory random",
     "wrong-boxes": "--objects 8 --noise box:0.03 --outliers 0.1",
-    "ellipses": "--objects 6 --observations ellipses --noise se:0.2",
-    "both": "--objects 6 --observations both --noise box:0.03",
+    "ellipses": "--objects 6 --measurement ellipses --noise se:0.2",
+    "both": "--objects 6 --measurement both --noise box:0.03",
     "cuboids": "--objects 8 --body cuboid --noise box:0.03 --trajectory orbit",
     "mixed": "--objects 9 --body cuboid,cylinder,ellipsoid --standing --trajectory random --edge-bias 0.03",
     "superellipsoids": "--objects 5 --body superellipsoid:1.5 --noise box:0.02",
     "street": "--trajectory street --views 24 --body cuboid --noise box:0.03",
-    "without-ids": "--objects 12 --cube 40 --no-ids --noise box:0.04 --misses 0.2 --false-boxes 0.1 --truth TRUTH.json",
+    "without-ids": "--objects 12 --cube 40 --no-ids --noise box:0.04 --misses 0.2 --false-positives 0.1 --ground-truth truth.json",
     "detector": "--objects 12 --cube 40 --fragments 0.1 --switches 0.05 --duplicates 0.1 --occlusion --noise box:0.04",
     "street-without-ids": "--trajectory street --views 20 --no-ids --noise box:0.03 --misses 0.1",
     "outlines": "--objects 6 --views 4 --cues outline",
@@ -37,7 +37,7 @@ SYNTHETIC = {
     "wrong-poses": "--objects 15 --noise box:0.02 --pose-noise 0.3 --trajectory orbit",
     "points": "--trajectory street --views 24 --noise box:0.02 --points 300 --pose-noise 0.3",
     "far-away": "--objects 5 --noise box:0.03 --scale 100 --offset 1000,-5000,300",
-    "hall": "--walkers 2 --cameras 3 --instants 40 --noise box:0.02",
+    "hall": "--pedestrians 2 --cameras 3 --time-steps 40 --noise box:0.02",
     "rendered": "--render --objects 2 --views 6 --image-size 240x180 --noise box:0.03",
     "map": "--objects 30 --views 20 --cube 60 --trajectory random --noise box:0.03 --seed 1",
     "map-seen-again": "--objects 30 --views 20 --cube 60 --trajectory random --noise box:0.03 --seed 1 --no-ids",
@@ -55,9 +55,9 @@ SETTINGS = {
     "refined": ("--refine-poses", "wrong-poses points kitti_S05_oxts"),
     "ground": ("--ground-plane", "street mixed"),
     "cross-validated": ("--cross-validate --report page.html", "wrong-boxes tuw_demo"),
-    "brief": ("--detail brief --seed 7 --json", "noisy"),
-    "masks": ("--observations mask", "outlines"),
-    "sigmas": ("--sigmas edge_relative=0.03,edge_px=1", "noisy"),
+    "brief": ("--compact --seed 7 --json", "noisy"),
+    "masks": ("--measurement mask", "outlines"),
+    "noise_model": ("--noise-model edge_noise=0.03,edge_noise_px=1", "noisy"),
     "associated": ("--associate always --ids ignore", "noisy street"),
     "axes": ("--assume poses=opengl", "exact"),
     "swapped": ("--assume boxes=xywh --allow-inconsistent", "exact"),
@@ -177,17 +177,17 @@ def record(program, folder):
     for method in ("sca", "graphcut", "masks"):
         cases.add(f"segment/{method}", f"segment --method {method} -o result.json", paths["rendered"])
     cases.add("segment/default", "segment -o result.json --out-masks masks", paths["rendered"])
-    cases.add("calibrate/hall", "calibrate --all -o result.json", paths["hall"])
+    cases.add("calibrate/hall", "calibrate-rig --include-posed -o result.json", paths["hall"])
     for name, path in paths.items():
         cases.add(f"info/{name}", "info --json", path)
         cases.add(f"info-in-words/{name}", "info", path)
     for name, scene, _ in real:
         cases.add(f"info/{name}", f"info --json ../../in/real/{scene}.json")
     for path in sorted((DATA.parent / "cases").glob("*.json")):
-        verb = "calibrate --all" if path.stem.startswith("calibrate") else "localize"
+        verb = "calibrate-rig --include-posed" if path.stem.startswith("calibrate_rig") else "localize"
         cases.add(f"cases/{path.stem}", f"{verb} -o result.json ../../in/cases/{path.name}")
     if (DATA.parent / "cases").exists():
-        cases.add("locate/turned", "locate --all -o result.json ../../in/cases/locate_map30.json ../../in/cases/locate_turned90.json")
+        cases.add("locate/turned", "relocalize --include-posed -o result.json ../../in/cases/locate_map30.json ../../in/cases/locate_turned90.json")
     cases.add("demo", "demo --out demo")
     lines += cases.run()
 
@@ -195,9 +195,9 @@ def record(program, folder):
     for name in ("noisy", "mixed", "wrong-boxes", "cuboids"):
         cases.add(f"evaluate/{name}", f"evaluate --report page.html ../../localize/{name}/result.json", paths[name])
         cases.add(f"evaluate-json/{name}", f"evaluate --json ../../localize/{name}/result.json", paths[name])
-    cases.add("evaluate/associated", "evaluate ../../associate/without-ids/result.json ../../synth/without-ids/TRUTH.json")
-    cases.add("locate/its-own", "locate --all -o result.json ../../localize/map/result.json ../../synth/map-seen-again/scene.json")
-    cases.add("locate/another", "locate --all -o result.json ../../localize/noisy/result.json ../../synth/exact/scene.json")
+    cases.add("evaluate/associated", "evaluate ../../associate/without-ids/result.json ../../synth/without-ids/truth.json")
+    cases.add("locate/its-own", "relocalize --include-posed -o result.json ../../localize/map/result.json ../../synth/map-seen-again/scene.json")
+    cases.add("locate/another", "relocalize --include-posed -o result.json ../../localize/noisy/result.json ../../synth/exact/scene.json")
     cases.add("align/itself", "align -o result.json ../../localize/map/result.json ../../synth/map/scene.json")
     cases.add("align/another", "align ../../localize/map/result.json ../../synth/noisy/scene.json")
     cases.add("render/frame", "render ../../localize/street/result.json -o frame.svg --frame 000003")
@@ -217,7 +217,7 @@ def record(program, folder):
         if place.exists():
             at = f"../../in/docs/tutorial-{name}"
             cases.add(f"tutorial/{name}", f"localize --cameras {at}/sparse/0 --detections {at} -o result.json")
-    for name in ["", *"demo segment associate localize locate align calibrate stream evaluate view render synth import export info".split()]:
+    for name in ["", *"demo segment associate localize relocalize align calibrate-rig stream evaluate view render synth import export info".split()]:
         cases.add(f"help/{name or 'program'}", name, "--help")
         cases.add(f"short-help/{name or 'program'}", name, "-h")
     if os.environ.get("QUADLIFT_PYTHON"):

@@ -193,7 +193,7 @@ def overhead() -> None:
         whole = statistics.median(seconds for seconds, _ in runs)
         inside = statistics.median(estimates.seconds for _, estimates in runs)
         ratio = statistics.median(seconds / estimates.seconds for seconds, estimates in runs)
-        name = ", ".join(f"{key}={value}" for key, value in options.items()) or "map"
+        name = ", ".join(f"{key}={value}" for key, value in options.items()) or "posterior"
         print(f"| {name} | {whole:.3f} | {inside:.3f} | {ratio:.3f} |")
 
 
@@ -213,7 +213,7 @@ def side_by_side() -> None:
         "NumPy port of LfD": port,
         "quadlift `lfd`": ours("lfd"),
         "quadlift `planes`": ours("planes"),
-        "quadlift `map`": ours("map"),
+        "quadlift `posterior`": ours("posterior"),
     }
     for name, work in rows.items():
         cells = []

@@ -31,7 +31,7 @@ from python_overhead import IMAGE, Data
 import quadlift.spark
 
 VIEWS, PER_FRAME = 10, 100
-SIGMAS = {"edge_relative": 0.035, "edge_px": 0.35, "edge_correlation": 0.0, "occluded_edge_relative": 0.05}
+NOISE_MODEL = {"edge_noise": 0.035, "edge_noise_px": 0.35, "edge_correlation": 0.0, "occluded_edge_noise": 0.05}
 BODY = "ellipsoid"
 
 
@@ -105,8 +105,8 @@ class Memory:
 
 def run_program(program: str, objects: int, folder: Path) -> dict[str, Any]:
     """Times the program; its estimates by id."""
-    levels = ",".join(f"{name}={value}" for name, value in SIGMAS.items())
-    command = [program, "localize", "-q", "scene.json", "-o", "result.json", "--body", BODY, "--sigmas", levels]
+    levels = ",".join(f"{name}={value}" for name, value in NOISE_MODEL.items())
+    command = [program, "localize", "-q", "scene.json", "-o", "result.json", "--body", BODY, "--noise-model", levels]
     start = time.perf_counter()
     subprocess.run(command, cwd=folder, check=True)
     told("program, two threads, JSON to JSON", time.perf_counter() - start, objects)
@@ -136,7 +136,7 @@ def main() -> None:
             "spark.sql.shuffle.partitions": "16",
         }
         spark = SparkSession.builder.master("local[2]").config(map=settings).getOrCreate()
-        given: dict[str, Any] = {"sigmas": SIGMAS, "body": BODY}
+        given: dict[str, Any] = {"noise_model": NOISE_MODEL, "body": BODY}
         with Memory() as memory:
             for number, (label, options) in enumerate(
                 {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use quadlift::solve::MapOptions;
+use quadlift::solve::PosteriorOptions;
 
 use crate::data::TrueScene;
 use crate::error::Error;
@@ -22,7 +22,7 @@ const MEASURES: [Measure; 3] = [Measure::O3d, Measure::EnclosingO3d, Measure::Th
 /// The rows: all settings of this experiment.
 fn rows() -> Vec<MethodRow> {
     let mut rows = closed_forms();
-    rows.push(MethodRow::map("auto", MapOptions::default()));
+    rows.push(MethodRow::posterior("auto", PosteriorOptions::default()));
     rows
 }
 
@@ -59,7 +59,7 @@ pub(crate) fn run(data: &Path, run: &Run) -> Result<Report, Error> {
             columns.push_ours(&mut table, &ACCV_SEQUENCES, ours, &MEASURES);
         }
         report.table(table);
-        if let Some(map) = scores.iter().find(|s| s.row.method == "map") {
+        if let Some(map) = scores.iter().find(|s| s.row.method == "posterior") {
             report.headlines.extend(headlines(source, what, map));
         }
     }

@@ -6,7 +6,7 @@ use quadlift::cross_validation::Extent;
 use quadlift::geometry::BodyKind;
 use quadlift::metrics::{TruthObject, evaluate};
 use quadlift::scene::{Scene, SceneError};
-use quadlift::solve::{MapOptions, Method};
+use quadlift::solve::{Method, PosteriorOptions};
 use quadlift::{LocalizeOptions, localize};
 use quadlift_io::builtin_priors;
 use rayon::prelude::*;
@@ -59,7 +59,7 @@ fn sets(data: &Path, seed: u64) -> Result<Vec<Set>, Error> {
     options.cross_validation.extent = Extent::All;
     let mut cars = options.clone();
     (cars.max_occluded, cars.max_truncated) = (Some(1.0), Some(0.0));
-    cars.method = Method::Map(MapOptions {
+    cars.method = Method::Posterior(PosteriorOptions {
         body: Some(BodyKind::Cuboid),
         priors: builtin_priors(),
         camera_height: Some(CAMERA_HEIGHT),
@@ -224,7 +224,7 @@ pub(crate) fn run(data: &Path, run: &Run) -> Result<Report, Error> {
             what: "rank correlation of left-out IoU and O3D within the sets of real objects".to_owned(),
             paper: None,
             ours: Figure { value, standard_error: None },
-            row: "map".to_owned(),
+            row: "posterior".to_owned(),
             decimals: 2,
         });
     }

@@ -4,7 +4,7 @@
 //! `quadlift synth --objects 50 --views VIEWS --noise box:SIGMA --seed SEED`.
 
 use quadlift::LocalizeOptions;
-use quadlift::solve::{MapOptions, Method, Sigmas};
+use quadlift::solve::{Method, NoiseModel, PosteriorOptions};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions};
 use rayon::prelude::*;
 
@@ -33,14 +33,14 @@ const FIRST_SEED: u64 = 11;
 /// The smallest level that is given.
 const SMALLEST_LEVEL: f64 = 0.001;
 
-/// The columns: `map`, `map` with the given noise, `planes`.
+/// The columns: `posterior`, `posterior` with the given noise, `planes`.
 fn rows(noise: f64) -> Vec<MethodRow> {
     // With 0 pixels the noise is proportional to the size, as these boxes have it.
     let level = noise.max(SMALLEST_LEVEL);
-    let given = Sigmas::new([("edge_relative", level), ("edge_px", 0.0)]).ok();
+    let given = NoiseModel::new([("edge_noise", level), ("edge_noise_px", 0.0)]).ok();
     vec![
-        MethodRow::map("auto", MapOptions::default()),
-        MethodRow::map("auto, level given", MapOptions { sigmas: given, ..Default::default() }),
+        MethodRow::posterior("auto", PosteriorOptions::default()),
+        MethodRow::posterior("auto, level given", PosteriorOptions { noise_model: given, ..Default::default() }),
         MethodRow::closed_form(Method::Planes),
     ]
 }
@@ -78,10 +78,10 @@ pub(crate) fn run(run: &Run) -> Result<Report, Error> {
     let mut report = Report::new("few-views", "Few views: the default, its level given, and a closed form");
     report.text(format!(
         "{OBJECTS} ellipsoids in each of {SCENES} scenes, cameras as in section 5.1, boxes whose edges have Gaussian \
-         noise. \"Level given\": `map` is given the noise (`--sigmas edge_relative=S,edge_px=0`, with S at least \
+         noise. \"Level given\": `posterior` is given the noise (`--noise-model edge_noise=S,edge_noise_px=0`, with S at least \
          {SMALLEST_LEVEL}). `planes` needs three views. Figures are mean O3D."
     ));
-    let titles = ["views", "noise", "map", "map, level given", "planes"];
+    let titles = ["views", "noise", "posterior", "posterior, level given", "planes"];
     let mut table = Table::new("Few views: O3D by views and noise", titles);
     // Largest shortfalls of the default with three views and more.
     let mut short = [0.0f64; 2];
@@ -110,7 +110,7 @@ pub(crate) fn run(run: &Run) -> Result<Report, Error> {
         what: what.to_owned(),
         paper: None,
         ours,
-        row: "map, auto".to_owned(),
+        row: "posterior, auto".to_owned(),
         decimals: 3,
     };
     let exact = |value| Figure { value, standard_error: None };

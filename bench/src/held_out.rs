@@ -71,12 +71,12 @@ mod tests {
     use super::*;
     use crate::methods::MethodRow;
     use quadlift::metrics::ObjectScore;
-    use quadlift::solve::MapOptions;
+    use quadlift::solve::PosteriorOptions;
 
     #[test]
     fn a_setting_is_chosen_without_the_sequence_it_is_scored_on() {
         let scores = |setting: &str, o3d: [f64; 3]| RowScores {
-            row: MethodRow::map(setting, MapOptions::default()),
+            row: MethodRow::posterior(setting, PosteriorOptions::default()),
             sequences: o3d.map(|x| vec![ObjectScore { iou3d: Some(x), ..Default::default() }]).to_vec(),
         };
         // "a" is best on the first sequence only, "b" on the others.

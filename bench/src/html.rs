@@ -83,7 +83,7 @@ mod tests {
         let mut table = Table::new("T", ["name", "O3D"]);
         table.push(vec!["<b>".into(), Cell::number(0.5, 2)]);
         report.table(table);
-        let curves = vec![Curve { name: "map".to_owned(), points: vec![(0.0, 1.0), (1.0, 0.9)] }];
+        let curves = vec![Curve { name: "posterior".to_owned(), points: vec![(0.0, 1.0), (1.0, 0.9)] }];
         let (name, title, x_label) = ("p".to_owned(), "P".to_owned(), "x".to_owned());
         report.blocks.push(Block::Plot(Plot { name, title, x_label, curves, marks: Vec::new() }));
         let page = html_page(&[report], "quadlift-bench x").unwrap();

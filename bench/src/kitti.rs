@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use quadlift::geometry::BodyKind;
-use quadlift::solve::{MapOptions, PoseNoise};
+use quadlift::solve::{PoseNoise, PosteriorOptions};
 use quadlift_io::builtin_priors;
 
 use crate::data::TrueScene;
@@ -48,28 +48,28 @@ const POSE_NOISE: PoseNoise = PoseNoise { rotation_sd: 0.003, translation_sd: 0.
 const CAR_ROW: &str = "cuboid, car prior";
 
 /// A kind of body, nothing known about cars.
-fn plain(body: BodyKind) -> MapOptions {
-    MapOptions { body: Some(body), ..Default::default() }
+fn plain(body: BodyKind) -> PosteriorOptions {
+    PosteriorOptions { body: Some(body), ..Default::default() }
 }
 
 /// A kind of body, with what is known about cars.
-pub(crate) fn cars(body: BodyKind) -> MapOptions {
-    MapOptions { priors: builtin_priors(), camera_height: Some(CAMERA_HEIGHT), ..plain(body) }
+pub(crate) fn cars(body: BodyKind) -> PosteriorOptions {
+    PosteriorOptions { priors: builtin_priors(), camera_height: Some(CAMERA_HEIGHT), ..plain(body) }
 }
 
 /// The same without a ground plane under them.
-fn without_ground(mut options: MapOptions) -> MapOptions {
+fn without_ground(mut options: PosteriorOptions) -> PosteriorOptions {
     options.priors.by_category.values_mut().for_each(|prior| prior.on_ground = false);
-    MapOptions { camera_height: None, ..options }
+    PosteriorOptions { camera_height: None, ..options }
 }
 
 /// The rows: all settings of this experiment.
 fn rows() -> Vec<MethodRow> {
     let mut rows = closed_forms();
-    rows.push(MethodRow::map("ellipsoid", plain(BodyKind::Ellipsoid)));
-    rows.push(MethodRow::map("cuboid", plain(BodyKind::Cuboid)));
-    rows.push(MethodRow::map("ellipsoid, car prior", cars(BodyKind::Ellipsoid)));
-    rows.push(MethodRow::map(CAR_ROW, cars(BodyKind::Cuboid)));
+    rows.push(MethodRow::posterior("ellipsoid", plain(BodyKind::Ellipsoid)));
+    rows.push(MethodRow::posterior("cuboid", plain(BodyKind::Cuboid)));
+    rows.push(MethodRow::posterior("ellipsoid, car prior", cars(BodyKind::Ellipsoid)));
+    rows.push(MethodRow::posterior(CAR_ROW, cars(BodyKind::Cuboid)));
     rows
 }
 
@@ -77,15 +77,15 @@ fn rows() -> Vec<MethodRow> {
 fn ablations() -> Vec<MethodRow> {
     let car = || cars(BodyKind::Cuboid);
     vec![
-        MethodRow::map(CAR_ROW, car()),
-        MethodRow::map("border edges like others", MapOptions { border_margin: 0.0, ..car() }),
-        MethodRow::map("noise relative to the size only", MapOptions { pixel_noise_size: 0.0, ..car() }),
-        MethodRow::map("no heavy tails", MapOptions { heavy_tails: false, ..car() }),
-        MethodRow::map("views not correlated", MapOptions { correlated_views: false, ..car() }),
-        MethodRow::map("hidden edges like others", MapOptions { occluded_edges: false, ..car() }),
-        MethodRow::map("camera height not known", MapOptions { camera_height: None, ..car() }),
-        MethodRow::map("no ground plane", without_ground(car())),
-        MethodRow::map("with pose noise", MapOptions { pose_noise: Some(POSE_NOISE), ..car() }),
+        MethodRow::posterior(CAR_ROW, car()),
+        MethodRow::posterior("border edges like others", PosteriorOptions { border_margin: 0.0, ..car() }),
+        MethodRow::posterior("noise relative to the size only", PosteriorOptions { pixel_noise_size: 0.0, ..car() }),
+        MethodRow::posterior("no heavy tails", PosteriorOptions { heavy_tails: false, ..car() }),
+        MethodRow::posterior("views not correlated", PosteriorOptions { correlated_views: false, ..car() }),
+        MethodRow::posterior("hidden edges like others", PosteriorOptions { occluded_edges: false, ..car() }),
+        MethodRow::posterior("camera height not known", PosteriorOptions { camera_height: None, ..car() }),
+        MethodRow::posterior("no ground plane", without_ground(car())),
+        MethodRow::posterior("with pose noise", PosteriorOptions { pose_noise: Some(POSE_NOISE), ..car() }),
     ]
 }
 
@@ -97,13 +97,14 @@ fn grid() -> Vec<MethodRow> {
     for border_margin in [0.0065, 0.025] {
         for pixel_noise_size in [0.0, 67.0, 100.0] {
             for &(correlated_views, ground) in &switches {
-                let car = MapOptions { border_margin, pixel_noise_size, correlated_views, ..cars(BodyKind::Cuboid) };
+                let car =
+                    PosteriorOptions { border_margin, pixel_noise_size, correlated_views, ..cars(BodyKind::Cuboid) };
                 let setting = format!(
                     "border {border_margin}, pixel noise {pixel_noise_size}, {}, {}",
                     if correlated_views { "correlated" } else { "independent" },
                     if ground { "ground" } else { "no ground" }
                 );
-                rows.push(MethodRow::map(&setting, if ground { car } else { without_ground(car) }));
+                rows.push(MethodRow::posterior(&setting, if ground { car } else { without_ground(car) }));
             }
         }
     }
@@ -250,7 +251,7 @@ fn over_averaged(row: &RowScores, measure: Measure) -> Option<Figure> {
 
 fn headlines(source: &str, poses: &str, scores: &[RowScores]) -> Vec<Headline> {
     let headline = |id, setting: &str, measure: Measure, paper| {
-        let row = scores.iter().find(|s| s.row.method == "map" && s.row.setting == setting)?;
+        let row = scores.iter().find(|s| s.row.method == "posterior" && s.row.setting == setting)?;
         let what = format!("{}, {source} boxes, {poses} poses", measure.name());
         Some(Headline {
             id,

@@ -40,6 +40,7 @@ mod synthetic;
 pub mod table;
 pub mod trust;
 mod tuw;
+pub mod verdicts;
 mod wide_views;
 
 pub use error::Error;
@@ -84,6 +85,8 @@ pub enum Experiment {
     Cameras,
     /// Which answers change when the input changes by nothing that matters; not in the paper, and not in [`Experiment::ALL`].
     Stability,
+    /// What each command says about mistakes of its input, and about right scenes; not in the paper, and not in [`Experiment::ALL`].
+    Verdicts(verdicts::Extent),
     /// Tuned constants, halved and doubled (with the feature `sensitivity`); not in the paper, and not in [`Experiment::ALL`].
     #[cfg(feature = "sensitivity")]
     Sensitivity,
@@ -125,6 +128,7 @@ impl Experiment {
             Self::Cues => "cues",
             Self::Cameras => "cameras",
             Self::Stability => "stability",
+            Self::Verdicts(_) => "verdicts",
             #[cfg(feature = "sensitivity")]
             Self::Sensitivity => "sensitivity",
         }
@@ -162,6 +166,7 @@ pub fn run(experiment: Experiment, run: &Run) -> Result<Report, Error> {
         Experiment::Cues => cues::run(data, run),
         Experiment::Cameras => cameras::run(data, run),
         Experiment::Stability => stability::run(data, run),
+        Experiment::Verdicts(extent) => verdicts::run(extent, run),
         #[cfg(feature = "sensitivity")]
         Experiment::Sensitivity => sensitivity::run(data, run),
     }

@@ -9,7 +9,7 @@ use anyhow::bail;
 use clap::{Parser, Subcommand};
 use indicatif::ProgressBar;
 use quadlift_bench::data::data_folder;
-use quadlift_bench::{CONVENTIONS, Experiment, Report, Run, compare, html_page, page, run, summary};
+use quadlift_bench::{CONVENTIONS, Experiment, Report, Run, compare, html_page, page, run, summary, verdicts};
 use quadlift_io::write_file;
 use serde_json::{Value, json};
 
@@ -71,6 +71,8 @@ enum Command {
     Cameras(Options),
     /// Which answers change when world, order, rounding, seed or boxes change by nothing that matters (not part of all; without data: synthetic scenes only)
     Stability(Options),
+    /// What each command says about mistakes of its input, and about right scenes (not part of all; needs no data)
+    Verdicts(VerdictOptions),
     /// Tuned constants, halved and doubled (not part of all; without data: synthetic scenes only)
     #[cfg(feature = "sensitivity")]
     Sensitivity(Options),
@@ -113,6 +115,16 @@ struct Options {
     short: bool,
 }
 
+/// The options of `verdicts`.
+#[derive(clap::Args)]
+struct VerdictOptions {
+    #[command(flatten)]
+    options: Options,
+
+    #[command(flatten)]
+    extent: verdicts::Extent,
+}
+
 impl Command {
     /// The experiments, the name of their files and their options; none for the comparison.
     fn experiments(&self) -> Option<(Vec<Experiment>, &Options)> {
@@ -134,6 +146,7 @@ impl Command {
             Self::Cues(options) => (Experiment::Cues, options),
             Self::Cameras(options) => (Experiment::Cameras, options),
             Self::Stability(options) => (Experiment::Stability, options),
+            Self::Verdicts(VerdictOptions { options, extent }) => (Experiment::Verdicts(*extent), options),
             #[cfg(feature = "sensitivity")]
             Self::Sensitivity(options) => (Experiment::Sensitivity, options),
             Self::All(options) => return Some((Experiment::ALL.to_vec(), options)),

@@ -3,7 +3,7 @@
 
 use quadlift::LocalizeOptions;
 use quadlift::metrics::ObjectScore;
-use quadlift::solve::{MapOptions, Method, RegOptions};
+use quadlift::solve::{Method, PosteriorOptions, RegOptions};
 use rayon::prelude::*;
 
 use crate::data::TrueScene;
@@ -31,12 +31,12 @@ impl MethodRow {
         Self { method: method.name(), setting: "ellipsoid".to_owned(), options: LocalizeOptions::from(method) }
     }
 
-    /// `map` with these options, described by `setting`.
-    pub fn map(setting: &str, map: MapOptions) -> Self {
-        Self { method: "map", setting: setting.to_owned(), options: LocalizeOptions::from(map) }
+    /// `posterior` with these options, described by `setting`.
+    pub fn posterior(setting: &str, map: PosteriorOptions) -> Self {
+        Self { method: "posterior", setting: setting.to_owned(), options: LocalizeOptions::from(map) }
     }
 
-    /// The row's name in one line: "map, cuboid, car prior".
+    /// The row's name in one line: "posterior, cuboid, car prior".
     pub fn name(&self) -> String {
         format!("{}, {}", self.method, self.setting)
     }

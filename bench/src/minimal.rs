@@ -8,7 +8,7 @@ use quadlift::LocalizeOptions;
 use quadlift::geometry::BodyKind;
 use quadlift::metrics::ObjectScore;
 use quadlift::scene::Detection;
-use quadlift::solve::{CategoryPrior, CategoryPriors, MapOptions, Method};
+use quadlift::solve::{CategoryPrior, CategoryPriors, Method, PosteriorOptions};
 use quadlift_io::builtin_priors;
 use rayon::prelude::*;
 
@@ -40,8 +40,8 @@ struct DataSet {
 }
 
 /// An ellipsoid with priors; the views are too few to choose the kind of body.
-fn ellipsoid(priors: CategoryPriors) -> MapOptions {
-    MapOptions { body: Some(BodyKind::Ellipsoid), priors, ..Default::default() }
+fn ellipsoid(priors: CategoryPriors) -> PosteriorOptions {
+    PosteriorOptions { body: Some(BodyKind::Ellipsoid), priors, ..Default::default() }
 }
 
 /// The rows for objects of any category: all settings of this experiment, with those of [`car_rows`].
@@ -49,8 +49,8 @@ fn rows() -> Vec<MethodRow> {
     let upright = CategoryPrior { upright_sd: Some(UPRIGHT_SD), ..Default::default() };
     let priors = CategoryPriors { by_category: BTreeMap::from([("*".to_owned(), upright)]) };
     let mut rows = closed_forms();
-    rows.push(MethodRow::map("ellipsoid", ellipsoid(CategoryPriors::default())));
-    rows.push(MethodRow::map("ellipsoid, upright", ellipsoid(priors)));
+    rows.push(MethodRow::posterior("ellipsoid", ellipsoid(CategoryPriors::default())));
+    rows.push(MethodRow::posterior("ellipsoid, upright", ellipsoid(priors)));
     rows
 }
 
@@ -59,7 +59,7 @@ fn car_rows() -> Vec<MethodRow> {
     let row = |setting, keep: fn(&CategoryPrior) -> CategoryPrior| {
         let mut priors = builtin_priors();
         priors.by_category.values_mut().for_each(|prior| *prior = keep(prior));
-        MethodRow::map(setting, ellipsoid(priors))
+        MethodRow::posterior(setting, ellipsoid(priors))
     };
     vec![
         row(CAR_SIZE, |prior| CategoryPrior { size: prior.size, ..Default::default() }),
@@ -146,7 +146,7 @@ pub(crate) fn run(data: &Path, run: &Run) -> Result<Report, Error> {
                 let row = sets[set]
                     .rows
                     .iter()
-                    .find(|row| matches!(row.options.method, Method::Map(_)) && row.setting == setting)?;
+                    .find(|row| matches!(row.options.method, Method::Posterior(_)) && row.setting == setting)?;
                 Some(Headline {
                     id,
                     what: format!("O3D, two views, {}", sets[set].name),

@@ -196,7 +196,7 @@ mod tests {
             name: "rotation".to_owned(),
             title: "Rotation error".to_owned(),
             x_label: "degrees".to_owned(),
-            curves: vec![Curve { name: "map".to_owned(), points: vec![(0.0, 1.0), (45.0, 0.9)] }],
+            curves: vec![Curve { name: "posterior".to_owned(), points: vec![(0.0, 1.0), (45.0, 0.9)] }],
             marks: vec![Mark { name: "paper, PfD".to_owned(), curve: 0, points: vec![(45.0, 0.15)] }],
         }
     }

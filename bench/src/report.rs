@@ -202,7 +202,7 @@ mod tests {
             what,
             paper: Some((0.55, "PfD+REG+ES")),
             ours,
-            row: "map".into(),
+            row: "posterior".into(),
             decimals: 3,
         });
         let text = summary(std::slice::from_ref(&report)).to_markdown();

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use quadlift::association::AssociateOptions;
 use quadlift::geometry::BodyKind;
-use quadlift::solve::MapOptions;
+use quadlift::solve::PosteriorOptions;
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions};
 use quadlift::{LocalizeOptions, tuning};
 use quadlift_io::builtin_priors;
@@ -73,7 +73,7 @@ fn real(data: &Path) -> Result<Vec<Measured>, Error> {
     let read = |file: String| TrueScene::read(data, &file, &file);
     let cars = |name, poses: &str| -> Result<Measured, Error> {
         let files = ["S05", "S09", "S22", "S36"].map(|sequence| format!("kitti_{sequence}_{poses}"));
-        let map = MapOptions {
+        let map = PosteriorOptions {
             body: Some(BodyKind::Cuboid),
             priors: builtin_priors(),
             camera_height: Some(CAMERA_HEIGHT),

@@ -3,7 +3,7 @@
 
 use quadlift::geometry::Ellipse;
 use quadlift::scene::{Scene, SceneError};
-use quadlift::solve::{MapOptions, Method};
+use quadlift::solve::{Method, PosteriorOptions};
 use quadlift::synthetic::{Noise, SyntheticOptions};
 use rayon::prelude::*;
 
@@ -26,7 +26,7 @@ const SCENES: u64 = 6;
 /// The rows: all settings of this experiment.
 fn rows() -> Vec<MethodRow> {
     let mut rows = closed_forms();
-    rows.push(MethodRow::map("auto", MapOptions::default()));
+    rows.push(MethodRow::posterior("auto", PosteriorOptions::default()));
     rows
 }
 
@@ -166,9 +166,9 @@ fn plot(curve: &NoiseCurve, rows: &[MethodRow], figures: &[Vec<Option<Figure>>])
     }
 }
 
-/// The last figure of `map`.
+/// The last figure of `posterior`.
 fn headline(curve: &NoiseCurve, rows: &[MethodRow], figures: &[Vec<Option<Figure>>]) -> Option<Headline> {
-    let index = rows.iter().position(|row| matches!(row.options.method, Method::Map(_)))?;
+    let index = rows.iter().position(|row| matches!(row.options.method, Method::Posterior(_)))?;
     let id = match curve.name {
         "rotation" => "synthetic_rotation",
         "size" => "synthetic_size",

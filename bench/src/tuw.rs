@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use quadlift::solve::MapOptions;
+use quadlift::solve::PosteriorOptions;
 
 use crate::data::TrueScene;
 use crate::error::Error;
@@ -21,7 +21,7 @@ const MEASURES: [Measure; 3] = [Measure::O3d, Measure::EnclosingO3d, Measure::Th
 /// The rows: all settings of this experiment.
 fn rows() -> Vec<MethodRow> {
     let mut rows = closed_forms();
-    rows.push(MethodRow::map("auto", MapOptions::default()));
+    rows.push(MethodRow::posterior("auto", PosteriorOptions::default()));
     rows
 }
 
@@ -59,7 +59,7 @@ pub(crate) fn run(data: &Path, run: &Run) -> Result<Report, Error> {
     table.push(vec!["the other four sequences".into(), "ours".into(), "not reproducible: no data".into()]);
     table.push(vec!["ES".into(), "ours".into(), "not reproducible: no images".into()]);
     report.table(table);
-    if let Some(map) = scores.iter().find(|s| s.row.method == "map")
+    if let Some(map) = scores.iter().find(|s| s.row.method == "posterior")
         && let Some(ours) = pooled(&[Measure::O3d.values(&map.sequences[0])])
     {
         report.headlines.push(Headline {

@@ -9,14 +9,14 @@ radians, quaternions have w first, and the world unit is arbitrary.
 from __future__ import annotations
 
 from ._align import Alignment, MapTransform
-from ._calibrate import CalibratedCamera, RigCalibration, calibrate
+from ._calibrate_rig import CalibratedCamera, RigCalibration, calibrate_rig
 from ._core import QuadliftError, __version__
 from ._cues import Box3dSd, Boxes3d, Depths
 from ._estimates import Alternative, AssociatedObject, Estimate, Evaluation, InconsistentSceneWarning
 from ._formats import CameraOptions, DetectionOptions, ExportOptions
 from ._limits import set_max_pixels
 from ._localize import localize
-from ._locate import LocatedPose, Location
+from ._relocalize import LocatedPose, Location
 from ._object_map import FrameUpdate, MapObject, MapObjects, ObjectMap
 from ._options import Options, Prior
 from ._rerun import log_recording
@@ -50,7 +50,7 @@ __all__ = [
     "RigCalibration",
     "Scene",
     "__version__",
-    "calibrate",
+    "calibrate_rig",
     "localize",
     "log_recording",
     "set_max_pixels",

@@ -96,7 +96,7 @@ class Alignment:
         (as objects in one row leave it), ``"scale_open"`` or ``"not_searched"`` (too many objects are alike).
     contradiction : str or None
         ``"scale"``: by the objects it is another one than the known one; ``"up"``: only without `up` the maps can be
-        aligned.
+        aligned; ``"mirrored"``: the mirror image of the second map fits clearly better.
     transforms : list of MapTransform
         Transforms that explain the maps, the most probable first. Trust the first one only if `ok`.
     merged : Scene or None

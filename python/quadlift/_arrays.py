@@ -90,7 +90,7 @@ class LocateQuery(TypedDict):
     intrinsics: list[float]
     """fx, fy, cx, cy."""
     image_size: list[float] | None
-    edge_sd: float | None
+    edge_noise: float | None
     up: list[float] | None
     up_in_camera: list[float] | None
     up_sd: float
@@ -105,7 +105,7 @@ class RigArrays(TypedDict):
     """(M, 4)."""
     cameras: NDArray[np.int64]
     """(M,)."""
-    instants: NDArray[np.int64]
+    time_steps: NDArray[np.int64]
     """(M,)."""
     objects: Names
     categories: Names
@@ -115,7 +115,7 @@ class RigArrays(TypedDict):
     """(C, 2)."""
     cam_from_world: NDArray[np.float64] | None
     """(C, 3, 4); NaN for cameras that are sought."""
-    distances: list[tuple[int, int, float]]
+    baselines: list[tuple[int, int, float]]
     builtin_sizes: bool
     upright: list[str]
     still: list[str]

@@ -97,11 +97,11 @@ class Estimate:
     covariance_coordinates : str or None
     center_sd : float
     views_used : int
-    rms_residual, misfit, misfit_deviation, predicted_iou : float
+    rms_residual, relative_residual, normalized_residual, predicted_iou : float
     alternatives : list of Alternative
-    odd_view : str or None
+    suspect_view : str or None
     warnings : list of str
-    doubtful : str or None
+    uncertain : str or None
     """
 
     id: int | str
@@ -122,13 +122,13 @@ class Estimate:
     center_sd: float
     views_used: int
     rms_residual: float
-    misfit: float
-    misfit_deviation: float
+    relative_residual: float
+    normalized_residual: float
     alternatives: list[Alternative]
     predicted_iou: float
-    odd_view: str | None
+    suspect_view: str | None
     warnings: list[str]
-    doubtful: str | None
+    uncertain: str | None
 
     @property
     def ok(self) -> bool:
@@ -166,22 +166,22 @@ class EstimateArrays:
     center_sd: NDArray[np.float64]
     views_used: NDArray[np.int64]
     rms_residuals: NDArray[np.float64]
-    misfits: NDArray[np.float64]
-    misfit_deviations: NDArray[np.float64]
+    relative_residuals: NDArray[np.float64]
+    normalized_residuals: NDArray[np.float64]
     alternatives: list[list[Alternative]]
     predicted_ious: NDArray[np.float64]
-    odd_views: list[str | None]
+    suspect_views: list[str | None]
     warnings: list[list[str]]
-    doubtful: list[str | None]
+    uncertain: list[str | None]
     object_indices: NDArray[np.int64]
     inliers: NDArray[np.bool_]
     residuals: NDArray[np.float64]
-    rejected_because: list[str | None]
+    rejection_reason: list[str | None]
     body: str
     noise: dict[str, float]
     cue_scales: list[dict[str, Any]]
     cross_validation: dict[str, Any] | None
-    calibration: dict[str, Any] | None
+    coverage: dict[str, Any] | None
     skipped: dict[str, int]
     diagnosis: dict[str, Any]
     association: dict[str, Any] | None
@@ -233,22 +233,22 @@ class EstimateArrays:
             center_sd=rows("center_sd"),
             views_used=rows("views_used"),
             rms_residuals=rows("residuals_px"),
-            misfits=rows("misfits"),
-            misfit_deviations=rows("misfit_deviations"),
+            relative_residuals=rows("relative_residuals"),
+            normalized_residuals=rows("normalized_residuals"),
             alternatives=[[_alternative(*figures) for figures in others] for others in items("alternatives")],
             predicted_ious=rows("predicted_ious"),
-            odd_views=items("odd_views"),
+            suspect_views=items("suspect_views"),
             warnings=items("warnings"),
-            doubtful=items("doubtful"),
+            uncertain=items("uncertain"),
             object_indices=places[found["object_indices"]],
             inliers=found["inliers"],
             residuals=found["detection_residuals_px"],
-            rejected_because=found["rejected_because"],
+            rejection_reason=found["rejection_reason"],
             body=record["body"],
             noise=record["noise"],
             cue_scales=record.get("cue_scales", []),
             cross_validation=record["cross_validation"],
-            calibration=record.get("calibration"),
+            coverage=record.get("coverage"),
             skipped=record["skipped"],
             diagnosis=read_diagnosis(record["diagnosis"]),
             association=record.get("association"),
@@ -325,13 +325,13 @@ class EstimateArrays:
             center_sd=float(self.center_sd[row]),
             views_used=int(self.views_used[row]),
             rms_residual=float(self.rms_residuals[row]),
-            misfit=float(self.misfits[row]),
-            misfit_deviation=float(self.misfit_deviations[row]),
+            relative_residual=float(self.relative_residuals[row]),
+            normalized_residual=float(self.normalized_residuals[row]),
             alternatives=self.alternatives[row],
             predicted_iou=float(self.predicted_ious[row]),
-            odd_view=self.odd_views[row],
+            suspect_view=self.suspect_views[row],
             warnings=self.warnings[row],
-            doubtful=self.doubtful[row],
+            uncertain=self.uncertain[row],
         )
 
     def __repr__(self) -> str:
@@ -428,7 +428,7 @@ class AssociatedObject:
     """Its id."""
     evidence: float | None
     """Log Bayes factor of the object against its detections being clutter (nats)."""
-    doubtful: str | None
+    uncertain: str | None
     """Why it may be moving or be several objects."""
 
 

@@ -63,7 +63,7 @@ def localize(
         Center x and y, two semi-axes, and the angle of the first (radians, from x towards y); pixels. A row of NaN
         means none. Each detection needs a box, an ellipse, an outline or a turned box.
     masks : sequence of (H, W) arrays or None, length M, optional
-        Non-zero pixels are the object; for ``observations="mask"``.
+        Non-zero pixels are the object; for ``measurement="mask"``.
     outlines : sequence of (K, 2) array_like or None, length M, optional
         Corners of the outlines in pixels, polygons. A detection without a box has the box around its outline.
     oriented_boxes : array_like, shape (M, 5), optional

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _arrays, _checks, _core, _found, _locate, _options, _rerun
+from . import _arrays, _checks, _core, _found, _relocalize, _options, _rerun
 from ._core import QuadliftError
 from ._estimates import InconsistentSceneWarning
-from ._locate import Location
+from ._relocalize import Location
 from ._scene import Estimates, Scene
 from ._scene_data import frame_id as frame_id_of
 
@@ -210,7 +210,7 @@ class ObjectMap:
         Views that an object needs to be confirmed.
     min_score : float, optional
         Skip detections with a lower score.
-    pixel_sd : float, optional
+    edge_noise_px : float, optional
         Size-independent error of box edges, pixels. By default 2, 4 or 8, selected as the evidence grows.
     priors : str, path-like or mapping, optional
         Sizes of categories: "builtin" (for scenes in meters), a TOML file, or a mapping, as in `localize`.
@@ -236,7 +236,7 @@ class ObjectMap:
         ids: _options.Ids = "evidence",
         min_views: int = 3,
         min_score: float | None = None,
-        pixel_sd: float | None = None,
+        edge_noise_px: float | None = None,
         priors: Path | Mapping[str, _options.Prior] | None = None,
         max_views: int = 32,
         max_objects: int = 100_000,
@@ -249,7 +249,7 @@ class ObjectMap:
             ids=ids,
             min_views=min_views,
             min_score=min_score,
-            pixel_sd=pixel_sd,
+            edge_noise_px=edge_noise_px,
             priors=priors,
             max_views=max_views,
             max_objects=max_objects,
@@ -368,14 +368,14 @@ class ObjectMap:
             raise QuadliftError(f'frame "{frame_id}": {error}') from error
         return self._changed(self._core.observe(frame, arrays))
 
-    def locate(
+    def relocalize(
         self,
         boxes: ArrayLike,
         intrinsics: ArrayLike,
         *,
         categories: ArrayLike | None = None,
         image_size: tuple[float, float] | None = None,
-        edge_sd: float | None = None,
+        edge_noise: float | None = None,
         up: ArrayLike | None = None,
         up_in_camera: ArrayLike | None = None,
         up_sd_deg: float = 1.0,
@@ -395,7 +395,7 @@ class ObjectMap:
             A box shows only objects of its category; without one any object.
         image_size : tuple, optional
             Width and height in pixels: edges at the border may be cut off there.
-        edge_sd : float, optional
+        edge_noise : float, optional
             Standard deviation of the edges of boxes, relative to their half size. That of the map by default.
         up : str or array_like, shape (3,), optional
             The direction against gravity in the world, for `up_in_camera` and `height`.
@@ -410,18 +410,18 @@ class ObjectMap:
         -------
         Location
         """
-        query = _locate.query(
+        query = _relocalize.query(
             boxes,
             intrinsics,
             categories=categories,
             image_size=image_size,
-            edge_sd=edge_sd,
+            edge_noise=edge_noise,
             up=up,
             up_in_camera=up_in_camera,
             up_sd_deg=up_sd_deg,
             height=height,
         )
-        found, ids = self._core.locate(query)
+        found, ids = self._core.relocalize(query)
         return Location._of(found, lambda row: ids[row])
 
     def update_poses(

@@ -48,9 +48,9 @@ class Options(RunOptions, total=False):
 
     priors: Path | Mapping[str, Prior] | None
     """Priors on categories: "builtin" (for scenes in meters), a TOML file or a mapping."""
-    calibration: Sequence[tuple[SceneData | Result, SceneData]]
+    coverage: Sequence[tuple[SceneData | Result, SceneData]]
     """Results of the same detector, options and kind of scenes, each with a scene with the ground truth:
-    `Estimates.calibration` then has calibrated confidence regions."""
+    `Estimates.coverage` then has calibrated confidence regions."""
     threads: int | None
     """Number of threads (default: one per core); the result does not depend on it."""
     progress: Progress | None
@@ -65,7 +65,7 @@ def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, 
     keywords: dict[str, Any] = {
         "priors": priors,
         "priors_text": text,
-        "calibration": _calibration(given.pop("calibration", ())),
+        "coverage": _coverage(given.pop("coverage", ())),
     }
     for name in given:
         if name not in KINDS:
@@ -87,7 +87,7 @@ def _checked(name: str, value: Any) -> Any:
         return _checks.number(name, value)
     if kind == "numbers":
         return _checks.array(name, value, ("N",)).tolist()
-    return _sigmas(value) if kind == "levels" else _checks.text(name, value)
+    return _noise_model(value) if kind == "levels" else _checks.text(name, value)
 
 
 def of_segmentation(method: str, source: str | None, out_masks: Path | None, seed: int) -> dict[str, Any]:
@@ -108,7 +108,7 @@ def of_association(
     min_views: int,
     min_score: float | None,
     max_overlap: float | None,
-    pixel_sd: float | None,
+    edge_noise_px: float | None,
     priors: Path | Mapping[str, Prior] | None,
 ) -> dict[str, Any]:
     """The core's keywords of an association."""
@@ -120,7 +120,7 @@ def of_association(
         "min_views": _checks.whole("min_views", min_views, 2, 2**32),
         "min_score": _checks.optional(_checks.number, "min_score", min_score),
         "max_overlap": _checks.optional(_checks.number, "max_overlap", max_overlap),
-        "pixel_sd": _checks.optional(_checks.number, "pixel_sd", pixel_sd),
+        "edge_noise_px": _checks.optional(_checks.number, "edge_noise_px", edge_noise_px),
         "priors": name,
         "priors_text": text,
     }
@@ -134,7 +134,7 @@ def of_map(
     ids: str,
     min_views: int,
     min_score: float | None,
-    pixel_sd: float | None,
+    edge_noise_px: float | None,
     priors: Path | Mapping[str, Prior] | None,
     max_views: int,
     max_objects: int,
@@ -149,7 +149,7 @@ def of_map(
         "ids": _checks.text("ids", ids),
         "min_views": _checks.whole("min_views", min_views, 2, 2**32),
         "min_score": _checks.optional(_checks.number, "min_score", min_score),
-        "pixel_sd": _checks.optional(_checks.number, "pixel_sd", pixel_sd),
+        "edge_noise_px": _checks.optional(_checks.number, "edge_noise_px", edge_noise_px),
         "priors": path,
         "priors_text": text,
         "max_views": _checks.whole("max_views", max_views, 4, 2**32),
@@ -168,7 +168,7 @@ def split_of_map(options: Options, of_map: dict[str, Any]) -> tuple[dict[str, An
         if name in options:
             raise TypeError(f"ObjectMap.localize() got an unexpected keyword argument {name!r}")
     given: dict[str, Any] = {**options, "associate": "never"}
-    is_map = options.get("method", "map") == "map"
+    is_map = options.get("method", "posterior") == "posterior"
     if is_map:
         # Options that are not given may be left out.
         given["pose_noise"] = of_map.get("pose_noise")
@@ -189,26 +189,26 @@ def threads_and_progress(threads: Any, progress: Any) -> tuple[int | None, Progr
     return threads, progress
 
 
-def _sigmas(sigmas: Any) -> dict[str, float]:
+def _noise_model(noise_model: Any) -> dict[str, float]:
     """Numbers by names."""
-    if not isinstance(sigmas, Mapping):
-        raise QuadliftError(f"sigmas is a {type(sigmas).__name__}; expected a mapping of names to numbers")
-    names = [_checks.text("a name in sigmas", name) for name in sigmas]
-    return {name: _checks.number(f"sigmas[{name!r}]", sigmas[name]) for name in names}
+    if not isinstance(noise_model, Mapping):
+        raise QuadliftError(f"noise_model is a {type(noise_model).__name__}; expected a mapping of names to numbers")
+    names = [_checks.text("a name in noise_model", name) for name in noise_model]
+    return {name: _checks.number(f"noise_model[{name!r}]", noise_model[name]) for name in names}
 
 
-def _calibration(pairs: Any) -> list[tuple[_core.Scene, _core.Scene]]:
+def _coverage(pairs: Any) -> list[tuple[_core.Scene, _core.Scene]]:
     """Pairs of a result and its ground truth, for the core."""
     if isinstance(pairs, str | Mapping) or not isinstance(pairs, Sequence):
-        raise QuadliftError(f"calibration is a {type(pairs).__name__}; expected a list of pairs (result, truth)")
+        raise QuadliftError(f"coverage is a {type(pairs).__name__}; expected a list of pairs (result, truth)")
     scenes = []
     for k, pair in enumerate(pairs):
         if not isinstance(pair, Sequence) or len(pair) != 2:
-            raise QuadliftError(f"calibration[{k}] is {pair!r}; expected a pair (result, truth)")
+            raise QuadliftError(f"coverage[{k}] is {pair!r}; expected a pair (result, truth)")
         result, truth = pair
         if hasattr(result, "to_scene"):
             result = result.to_scene()
-        result, truth = _checks.scene(f"calibration[{k}][0]", result), _checks.scene(f"calibration[{k}][1]", truth)
+        result, truth = _checks.scene(f"coverage[{k}][0]", result), _checks.scene(f"coverage[{k}][1]", truth)
         scenes.append((result, truth))
     return scenes
 

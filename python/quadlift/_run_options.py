@@ -12,9 +12,9 @@ from typing import Literal, TypedDict
 class RunOptions(TypedDict, total=False):
     """Options of a run, as the program has them."""
 
-    method: Literal["map", "planes", "lfd", "pfd", "reg"]
-    """Estimator: map (refinement, the best), planes, lfd and pfd (closed forms), reg (the regularized one).
-    Default: "map"."""
+    method: Literal["posterior", "planes", "lfd", "pfd", "reg"]
+    """Estimator: posterior (refinement, the best), planes, lfd and pfd (closed forms), reg (the regularized one).
+    Default: "posterior"."""
     reg_weight: float | None
     """Weight of the regularizer [default: 1e16]."""
     body: str
@@ -22,10 +22,10 @@ class RunOptions(TypedDict, total=False):
     auto: selected for each object, an ellipsoid without evidence for another kind. Default: "auto"."""
     source: str | None
     """Use only the detections of this source; required if the scene has several."""
-    observations: Literal["auto", "box", "ellipse", "box+ellipse", "mask"]
+    measurement: Literal["auto", "box", "ellipse", "box+ellipse", "mask"]
     """Measurements to use: auto (what a detection has; if both, the box for position and size, the ellipse for
-    shape), box, ellipse, box+ellipse, or mask (its outline, with map and planes; also outlines and turned boxes).
-    Detections without the selected measurement are skipped. Default: "auto"."""
+    shape), box, ellipse, box+ellipse, or mask (its outline, with posterior and planes; also outlines and turned
+    boxes). Detections without the selected measurement are skipped. Default: "auto"."""
     associate: Literal["auto", "never", "always"]
     """Associate detections that show the same object first: auto (if any lack an id), never or always. Default:
     "auto"."""
@@ -55,8 +55,8 @@ class RunOptions(TypedDict, total=False):
     pose_noise: tuple[float, float] | None
     """Correct the poses: standard deviations of the rotation (radians) and shift (world units) of each frame, such
     as 0.01,0.05."""
-    sigmas: Mapping[str, float] | None
-    """Use given noise levels instead of estimating them, by name (edge_relative=0.03,edge_px=2), or those of an
+    noise_model: Mapping[str, float] | None
+    """Use given noise levels instead of estimating them, by name (edge_noise=0.03,edge_noise_px=2), or those of an
     earlier result. Objects are then estimated independently of each other."""
     cross_validate: bool
     """Leave out each view of each object, predict its box from the others, and report the agreement: a measure of
@@ -72,7 +72,7 @@ KINDS = {
     "reg_weight": "number",
     "body": "text",
     "source": "text",
-    "observations": "text",
+    "measurement": "text",
     "associate": "text",
     "ids": "text",
     "min_views": "whole",
@@ -85,7 +85,7 @@ KINDS = {
     "refine_poses": "text",
     "fixed_extrinsics": "flag",
     "pose_noise": "numbers",
-    "sigmas": "levels",
+    "noise_model": "levels",
     "cross_validate": "flag",
     "seed": "whole",
     "allow_inconsistent": "flag",
@@ -98,7 +98,7 @@ OF_OBJECTS = frozenset(
         "reg_weight",
         "body",
         "min_views",
-        "sigmas",
+        "noise_model",
         "seed",
     }
 )

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from . import _checks, _core, _estimates, _fiftyone, _locate, _notebook, _options, _rerun
+from . import _checks, _core, _estimates, _fiftyone, _relocalize, _notebook, _options, _rerun
 from ._adapters import FromOtherPackages
 from ._align import Alignment
 from ._estimates import EstimateArrays
 from ._formats import ExportOptions
-from ._locate import Location
+from ._relocalize import Location
 from ._scene_data import frame_id
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ class Scene(FromOtherPackages):
         """Segments the detections in the images and fits ellipses to the masks, like the program.
 
         The crops of an object from all its frames are segmented jointly. An unreliable mask is replaced by the ellipse
-        in the box. `localize` uses the ellipses, or the masks with ``observations="mask"``.
+        in the box. `localize` uses the ellipses, or the masks with ``measurement="mask"``.
 
         Parameters
         ----------
@@ -146,7 +146,7 @@ class Scene(FromOtherPackages):
         min_views: int = 3,
         min_score: float | None = None,
         max_overlap: float | None = None,
-        pixel_sd: float | None = None,
+        edge_noise_px: float | None = None,
         priors: Path | Mapping[str, _options.Prior] | None = None,
         threads: int | None = None,
         progress: _options.Progress | None = None,
@@ -167,7 +167,7 @@ class Scene(FromOtherPackages):
             Skip detections with a lower score.
         max_overlap : float, optional
             Skip detections that overlap a better one of the same frame and category by more (intersection over union).
-        pixel_sd : float, optional
+        edge_noise_px : float, optional
             Size-independent error of box edges, pixels. By default 2, 4 or 8, the largest that the evidence supports.
         priors : str, path-like or mapping, optional
             Sizes of categories: "builtin" (for scenes in meters), a TOML file, or a mapping, as in `localize`.
@@ -196,7 +196,7 @@ class Scene(FromOtherPackages):
             min_views=min_views,
             min_score=min_score,
             max_overlap=max_overlap,
-            pixel_sd=pixel_sd,
+            edge_noise_px=edge_noise_px,
             priors=priors,
         )
         scene, objects = self._core.associate(keywords, threads, progress)
@@ -327,10 +327,10 @@ class Estimates(EstimateArrays):
         Numbers of used views.
     rms_residuals : ndarray, shape (N,)
         Root mean square residuals of the used views, pixels.
-    misfits : ndarray, shape (N,)
+    relative_residuals : ndarray, shape (N,)
         Root mean square residuals of the used views per degree of freedom, relative to half the size of the boxes; NaN
-        for other methods than ``"map"``.
-    misfit_deviations : ndarray, shape (N,)
+        for other methods than ``"posterior"``.
+    normalized_residuals : ndarray, shape (N,)
         The same in standard deviations of the scene's noise: about 1 for objects with typical noise.
     alternatives : list of list of Alternative, length N
         Other bodies that fit the views about as well, the most probable first; for cuboids only. The covariance
@@ -338,11 +338,11 @@ class Estimates(EstimateArrays):
     predicted_ious : ndarray, shape (N,)
         With ``cross_validate=True``: the mean IoU between measured boxes and those predicted from the other views of
         the object; NaN if the other views determine no body, as with two views.
-    odd_views : list of str or None, length N
+    suspect_views : list of str or None, length N
         With ``cross_validate=True``: the frame whose detection the other views contradict.
     warnings : list of list of str, length N
         Reasons why an estimate is weak.
-    doubtful : list of str or None, length N
+    uncertain : list of str or None, length N
         After association: why an object may be moving or be several objects.
     object_indices : ndarray of int, shape (M,)
         For each detection the row of its object, -1 if it has none.
@@ -350,14 +350,14 @@ class Estimates(EstimateArrays):
         Which detections are used; the others are outliers or were skipped.
     residuals : ndarray, shape (M,)
         Root mean square distances between measured and predicted edges, pixels.
-    rejected_because : list of str or None, length M
+    rejection_reason : list of str or None, length M
         Why a detection is an outlier: ``"residual"`` (its residual is much larger than the noise) or
         ``"behind_camera"`` (the body is not entirely in front of the camera). None for all others.
     body : str
         The fitted kind of body, ``"mixed"`` if objects differ (see ``body_kinds``).
     noise : dict
-        Estimated noise levels by name; empty for methods other than ``"map"``. Standard deviations: ``edge_relative``
-        and ``occluded_edge_relative`` relative to half the size of the box, ``edge_px`` in pixels, those of ellipses
+        Estimated noise levels by name; empty for methods other than ``"posterior"``. Standard deviations: ``edge_noise``
+        and ``occluded_edge_noise`` relative to half the size of the box, ``edge_noise_px`` in pixels, those of ellipses
         relative to the mean semi-axis or of logarithms of axes. ``edge_correlation`` and ``ellipse_correlation`` are
         correlations between consecutive views. ``edge_common`` and others with this ending are errors common to the
         views of an object, in units of the noise; ``residual_level`` and ``residual_spread`` describe differences
@@ -367,13 +367,13 @@ class Estimates(EstimateArrays):
         ``"box3d_distance"``, ``"box3d_length"``, ``"box3d_width"``, ``"box3d_height"``, the last three with a
         ``category``), ``factor`` of measured to true and ``log_sd``, the standard deviation of its logarithm. Depths
         may have ``shift`` and ``shift_sd``, in the lengths of the source: measured = factor * true + shift. Empty
-        without cues and with given `sigmas`.
+        without cues and with given `noise_model`.
     cross_validation : dict or None
         How well left-out views are predicted, over the scene: `iou` (mean, between predicted and measured boxes),
         `edge_error` (median, relative to half the size of the box), the numbers of `views` and `objects`, and the
         `extent`: ``"sample"``, or ``"all"`` with ``cross_validate=True``. None if no view can be left out.
-    calibration : dict or None
-        With ``calibration=...``: the number of `objects` with ground truth, the `results` and `truths`, and
+    coverage : dict or None
+        With ``coverage=...``: the number of `objects` with ground truth, the `results` and `truths`, and
         `squared_distance`: for the ``"center"``, the ``"extents"`` and the whole ``"body"`` the squared Mahalanobis
         distance that contains the truth with a probability of ``"0.5"``, ``"0.9"``, ``"0.95"`` and ``"0.99"``; None if
         there are too few objects. The center is that of the reported body.
@@ -387,28 +387,28 @@ class Estimates(EstimateArrays):
         and after correction), `option` of the program that corrects it (also a keyword of `Scene.corrected`).
     association : dict or None
         The result of association, if it was run: `objects` (`id`, `views`, `expected_views`, `evidence` in nats,
-        `doubtful`), the numbers of detections `associated`, of `clutter` (unassigned) and `skipped` (by reason),
-        `edge_sd` (error of box edges relative to the box), `pixel_sd` and `frame_shift_sd_px`.
+        `uncertain`), the numbers of detections `associated`, of `clutter` (unassigned) and `skipped` (by reason),
+        `edge_noise` (error of box edges relative to the box), `edge_noise_px` and `frame_shift_sd_px`.
     problems : list of str
         Masks that could not be read.
     seconds : float
         Run time of the library, without the conversion of arrays.
     """
 
-    def locate(
+    def relocalize(
         self,
         boxes: ArrayLike,
         intrinsics: ArrayLike,
         *,
         categories: ArrayLike | None = None,
         image_size: tuple[float, float] | None = None,
-        edge_sd: float | None = None,
+        edge_noise: float | None = None,
         up: ArrayLike | None = None,
         up_in_camera: ArrayLike | None = None,
         up_sd_deg: float = 1.0,
         height: tuple[float, float] | None = None,
     ) -> Location:
-        """The camera of an image, from its boxes and these objects as a map, like `quadlift locate`.
+        """The camera of an image, from its boxes and these objects as a map, like `quadlift relocalize`.
 
         Appearance and ids are not used: objects are told apart by category, size and place.
 
@@ -422,7 +422,7 @@ class Estimates(EstimateArrays):
             A box shows only objects of its category; without one any object.
         image_size : tuple, optional
             Width and height in pixels: edges at the border may be cut off there.
-        edge_sd : float, optional
+        edge_noise : float, optional
             Standard deviation of the edges of boxes, relative to their half size. That of the map by default.
         up : str or array_like, shape (3,), optional
             The direction against gravity in the world, for `up_in_camera` and `height`.
@@ -437,18 +437,18 @@ class Estimates(EstimateArrays):
         -------
         Location
         """
-        query = _locate.query(
+        query = _relocalize.query(
             boxes,
             intrinsics,
             categories=categories,
             image_size=image_size,
-            edge_sd=edge_sd,
+            edge_noise=edge_noise,
             up=up,
             up_in_camera=up_in_camera,
             up_sd_deg=up_sd_deg,
             height=height,
         )
-        found, ids = self._localized.locate(query)
+        found, ids = self._localized.relocalize(query)
         of_text = {str(object_id): object_id for object_id in self.object_ids}
         return Location._of(found, lambda row: of_text[ids[row]])
 

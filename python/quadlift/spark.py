@@ -37,7 +37,7 @@ def localize(
     detections: DataFrame,
     cameras: DataFrame,
     *,
-    sigmas: Mapping[str, float] | None = None,
+    noise_model: Mapping[str, float] | None = None,
     body: str = "auto",
     up: ArrayLike | None = None,
     length_unit: str | None = None,
@@ -59,10 +59,10 @@ def localize(
     cameras : DataFrame
         One row per frame, with the columns of `quadlift.batches.Cameras`: `scene` if the detections have it, `frame`,
         `projection` or `intrinsics` and `cam_from_world`, optionally `width` and `height`.
-    sigmas : mapping, optional
+    noise_model : mapping, optional
         Noise levels, as in `Estimates.noise`.
     body : str
-        As in `quadlift.localize`. If `sigmas` are missing or this is ``"auto"``, they are estimated immediately, on the
+        As in `quadlift.localize`. If `noise_model` are missing or this is ``"auto"``, they are estimated immediately, on the
         driver, from a sample of the objects that depends on their ids only. Without the column `object`, they are
         estimated for each scene separately.
     up : str or array_like, shape (3,), optional
@@ -70,7 +70,7 @@ def localize(
     length_unit : str, optional
         World unit; ``"m"`` is required for ``priors="builtin"``.
     occluded_edges : bool
-        Detect box edges that are probably hidden by another box of the frame, as the program does for ``method="map"``.
+        Detect box edges that are probably hidden by another box of the frame, as the program does for ``method="posterior"``.
         It needs an additional shuffle; without it results differ for overlapping boxes.
     broadcast_cameras : int
         Up to this number of frames (150 bytes each) all cameras are broadcast to every task; beyond it they are joined
@@ -98,12 +98,12 @@ def localize(
     Notes
     -----
     The results do not depend on partitions and are bit-identical to those of the program and of `quadlift.localize`
-    with the same `sigmas` and `body`. The order of frames is that of their ids, see `quadlift.batches.Cameras`.
+    with the same `noise_model` and `body`. The order of frames is that of their ids, see `quadlift.batches.Cameras`.
     """
     flat = _flat(detections)
     cameras = _cameras(cameras, flat)
     has_objects = "object" in flat.columns
-    given = {**options, "sigmas": sigmas, "body": body}
+    given = {**options, "noise_model": noise_model, "body": body}
     world: dict[str, Any] = {"up": up, "length_unit": length_unit}
     settings = Settings.of(given, OF_OBJECTS if has_objects else OF_SCENES, up, length_unit)
     count = _checks.whole("sample_objects", sample_objects, 1, 2000)
@@ -115,7 +115,7 @@ def localize(
         return _map(_scenes(flat, joined, partitions), work, _schema(flat, T.StringType()))
     hide = occluded_edges and settings.is_map
     if not settings.is_complete():
-        given["sigmas"], given["body"] = _noise(flat, shared, joined, count, hide, {**world, **given})
+        given["noise_model"], given["body"] = _noise(flat, shared, joined, count, hide, {**world, **given})
     rows = _objects(_with_occluded_edges(flat) if hide else flat, joined, partitions)
     work = partial(batches.localize_objects, cameras=shared, **world, **given)
     return _map(rows, work, _schema(flat, flat.schema["object"].dataType))
@@ -142,7 +142,7 @@ def noise(
 
     Returns
     -------
-    sigmas : dict
+    noise_model : dict
         For `localize`, here or on the detections of other days.
     body : str
         Likewise.

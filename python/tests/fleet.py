@@ -30,7 +30,7 @@ class Fleet:
     def expected(self, **options: Any) -> pa.Table:
         """What `Scene.localize` gives, scene by scene, without what objects of a scene share."""
         found = []
-        if options.get("method", "map") == "map":
+        if options.get("method", "posterior") == "posterior":
             options = {"upright": False, **options}
         for name, path in self.files.items():
             table = quadlift.Scene.read(path).localize(**options).to_arrow()

@@ -279,7 +279,7 @@ def tables(cued: Cued, box3d: dict[str, Any]) -> tuple[pa.Table, pa.Table]:
 
 def test_tables_of_objects_and_of_scenes(cued: Cued) -> None:
     whole = quadlift.localize(**cued.frames, **cued.found)
-    given: dict[str, Any] = {"sigmas": whole.noise, "body": "ellipsoid"}
+    given: dict[str, Any] = {"noise_model": whole.noise, "body": "ellipsoid"}
     up = cued.frames["up"]
     expected = quadlift.localize(**cued.frames, **cued.found, **given, upright=False)
     detections, cameras = tables(cued, cued.found["boxes3d"])
@@ -319,7 +319,7 @@ def test_wrong_rows_of_tables_are_named(cued: Cued) -> None:
     rows[2]["box3d_center"] = None
     rows[3]["depth_median"] = None
     grouped = batches.group(pa.Table.from_pylist(rows, schema=detections.schema), ["object"])
-    found = batches.localize_objects(grouped, cameras, sigmas={"edge_relative": 0.03}, body="ellipsoid")
+    found = batches.localize_objects(grouped, cameras, noise_model={"edge_noise": 0.03}, body="ellipsoid")
     problems = dict(zip(found["object"].to_pylist(), found["problem"].to_pylist(), strict=True))
     assert problems.pop(rows[0]["object"]).endswith(
         "the depth is -1; expected a positive number (world units, along the optical axis)"
@@ -331,7 +331,7 @@ def test_wrong_rows_of_tables_are_named(cued: Cued) -> None:
     with pytest.raises(
         quadlift.QuadliftError, match="box3d_center has a list of 2 numbers; expected lists of 3 numbers"
     ):
-        batches.localize_objects(grouped, cameras, sigmas={"edge_relative": 0.03}, body="ellipsoid")
+        batches.localize_objects(grouped, cameras, noise_model={"edge_noise": 0.03}, body="ellipsoid")
 
 
 def test_documents_are_json(cued: Cued) -> None:

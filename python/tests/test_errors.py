@@ -103,26 +103,32 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     "method": ({"method": "magic"}, 'method is "magic"; expected one of map, planes'),
     "body": ({"body": "ball"}, 'body is "ball"; expected one of auto, ellipsoid'),
     "exponent": ({"body": "superellipsoid:3"}, 'body is "superellipsoid:3"; expected'),
-    "method of a body": ({"method": "lfd", "body": "cuboid"}, 'body is an option of method="map" only'),
+    "method of a body": ({"method": "lfd", "body": "cuboid"}, 'body is an option of method="posterior" only'),
     "learned sizes": ({"learn_sizes": "yes"}, "learn_sizes is "),
     "method of learned sizes": (
         {"method": "lfd", "learn_sizes": True},
-        'learn_sizes is an option of method="map" only',
+        'learn_sizes is an option of method="posterior" only',
     ),
-    "method of priors": ({"method": "lfd", "priors": "builtin"}, 'priors is an option of method="map" only'),
+    "method of priors": ({"method": "lfd", "priors": "builtin"}, 'priors is an option of method="posterior" only'),
     "lambda": ({"reg_weight": 1.0}, 'reg_weight is an option of method="reg" only'),
     "seed": ({"seed": -1}, "seed is -1; expected a whole number from 0"),
     "threads": ({"threads": 0}, "threads is 0; expected a whole number from 1 to 1024"),
     "min_views": ({"min_views": 2.5}, "min_views is 2.5; expected a whole number from 0 to"),
     "pose_noise": ({"pose_noise": (0.0, 1.0)}, "pose_noise is [0.0, 1.0]; expected 2 positive numbers"),
-    "sigmas, names": (
-        {"sigmas": {"edge": 0.1}},
-        'sigmas is edge=0.1; "edge" is not a noise level; expected one of edge_relative',
+    "noise_model, names": (
+        {"noise_model": {"edge": 0.1}},
+        'noise_model is edge=0.1; "edge" is not a noise level; expected one of edge_noise',
     ),
-    "sigmas, range": ({"sigmas": {"shape": 0.0}}, "sigmas is shape=0; shape is 0; expected a finite number above 0"),
-    "sigmas, number": ({"sigmas": {"shape": "a"}}, "sigmas['shape'] is 'a'; expected a finite number"),
-    "sigmas, type": ({"sigmas": [0.1]}, "sigmas is a list; expected a mapping of names to numbers"),
-    "sigmas, method": ({"sigmas": {}, "method": "lfd"}, 'sigmas is an option of method="map" only'),
+    "noise_model, range": (
+        {"noise_model": {"shape": 0.0}},
+        "noise_model is shape=0; shape is 0; expected a finite number above 0",
+    ),
+    "noise_model, number": ({"noise_model": {"shape": "a"}}, "noise_model['shape'] is 'a'; expected a finite number"),
+    "noise_model, type": ({"noise_model": [0.1]}, "noise_model is a list; expected a mapping of names to numbers"),
+    "noise_model, method": (
+        {"noise_model": {}, "method": "lfd"},
+        'noise_model is an option of method="posterior" only',
+    ),
     "pose_noise, shape": ({"pose_noise": 1.0}, "pose_noise has the shape ()"),
     "ground": ({"ground_plane": True}, 'the ground plane needs an "up" direction'),
     "priors without unit": ({"priors": "builtin"}, "the length unit of the scene is not given"),
@@ -203,7 +209,7 @@ def test_wrong_options_of_association() -> None:
         frames=MADE.frames, boxes=MADE.boxes
     )
     wrong: dict[str, tuple[dict[str, Any], str]] = {
-        "pixel_sd": ({"pixel_sd": -1}, "-1"),
+        "edge_noise_px": ({"edge_noise_px": -1}, "-1"),
         "max_overlap": ({"max_overlap": 2.0}, "2"),
         "thorough": ({"thorough": "yes"}, "thorough is 'yes'; expected True or False"),
         "ids": ({"ids": "none"}, 'ids is "none"; expected one of "trust", "evidence", "ignore"'),

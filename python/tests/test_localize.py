@@ -71,10 +71,10 @@ def test_objects_come_in_ascending_order(made: Arrays) -> None:
     np.testing.assert_array_equal(words.centers, found.centers)
 
 
-def test_with_sigmas_objects_are_apart(made: Arrays) -> None:
+def test_with_a_noise_model_objects_are_apart(made: Arrays) -> None:
     arguments = made.arguments()
     first = quadlift.localize(**arguments)
-    options: dict[str, Any] = {"sigmas": first.noise, "body": first.body}
+    options: dict[str, Any] = {"noise_model": first.noise, "body": first.body}
     whole = quadlift.localize(**arguments, **options)
     assert whole.noise == first.noise
     np.testing.assert_allclose(whole.centers, first.centers, atol=1e-4)
@@ -217,7 +217,7 @@ def test_ellipses_and_masks(made: Arrays) -> None:
     masks = [
         ((columns - c[0]) / h[0]) ** 2 + ((rows - c[1]) / h[1]) ** 2 <= 1.0 for c, h in zip(center, half, strict=True)
     ]
-    masked = quadlift.localize(**arguments, masks=masks, observations="mask")
+    masked = quadlift.localize(**arguments, masks=masks, measurement="mask")
     np.testing.assert_allclose(masked.centers, found.centers, atol=0.1)
 
 
@@ -289,7 +289,7 @@ def test_estimates_are_a_sequence_of_objects(made: Arrays) -> None:
     np.testing.assert_array_equal(jar.covariance, estimates.covariances[1])
     # Each array with a row for each object is a field of the object, in the singular.
     others = {"object_ids": "id", "categories": "category", "body_axes": "body_axes", "alternatives": "alternatives"}
-    of_detections = {"object_indices", "inliers", "residuals", "rejected_because", "problems", "cue_scales"}
+    of_detections = {"object_indices", "inliers", "residuals", "rejection_reason", "problems", "cue_scales"}
     for name, value in vars(estimates).items():
         if isinstance(value, list | np.ndarray) and name not in of_detections:
             singular = others.get(name, name if hasattr(jar, name) else name.removesuffix("s"))

@@ -88,8 +88,8 @@ def streamed(program: Program, folder: Path, lines: list[Line], *options: str, c
 OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     "default": ([], {}),
     "all": (
-        ["--ids", "trust", "--min-views", "4", "--min-score", "0.51", "--pixel-sd", "3", "--max-views", "8"],
-        {"ids": "trust", "min_views": 4, "min_score": 0.51, "pixel_sd": 3, "max_views": 8},
+        ["--ids", "trust", "--min-views", "4", "--min-score", "0.51", "--edge-noise-px", "3", "--max-views", "8"],
+        {"ids": "trust", "min_views": 4, "min_score": 0.51, "edge_noise_px": 3, "max_views": 8},
     ),
     "poses": (["--pose-noise", "0.003,0.1", "--max-objects", "6"], {"pose_noise": (0.003, 0.1), "max_objects": 6}),
 }
@@ -333,7 +333,7 @@ def test_wrong_frames_change_nothing(name: str) -> None:
         ({"min_views": 1}, "min_views is 1; expected a whole number from 2"),
         ({"max_views": 3}, "max_views is 3; expected a whole number from 4"),
         ({"max_objects": 0}, "max_objects is 0; expected a whole number from 1"),
-        ({"pixel_sd": -1}, "pixel"),
+        ({"edge_noise_px": -1}, "pixel"),
         ({"pose_noise": (0.1, 0)}, "pose_noise is (0.1, 0); expected two numbers above 0"),
         ({"up": (0, 0, 0)}, "up: "),
         ({"priors": "builtin"}, "meters"),

@@ -93,7 +93,7 @@ def test_arrays_give_what_the_file_gives(shaped: Shaped) -> None:
     # Boxes around them tell less.
     around = [d.get("box") for d in quadlift.Scene.from_dict(shaped.document).to_dict()["detections"]]
     assert around.count(None) == 67
-    boxes = quadlift.localize(**shaped.frames, **shaped.found, observations="box")
+    boxes = quadlift.localize(**shaped.frames, **shaped.found, measurement="box")
     assert np.nanmax(np.abs(boxes.semi_axes - of_arrays.semi_axes)) > 0.05
 
 
@@ -113,9 +113,9 @@ def test_tables_give_what_arrays_give(shaped: Shaped) -> None:
     # The projections of the table, to the last bit.
     projections = np.array(cameras.column("projection").to_pylist()).reshape(-1, 3, 4)
     frames = {"projections": projections, **{name: shaped.frames[name] for name in ("image_sizes", "up")}}
-    sigmas = quadlift.localize(**frames, **shaped.found, body="ellipsoid").noise
-    expected = quadlift.localize(**frames, **shaped.found, body="ellipsoid", sigmas=sigmas, upright=False)
-    options: dict[str, Any] = {"up": shaped.frames["up"], "body": "ellipsoid", "sigmas": sigmas}
+    noise_model = quadlift.localize(**frames, **shaped.found, body="ellipsoid").noise
+    expected = quadlift.localize(**frames, **shaped.found, body="ellipsoid", noise_model=noise_model, upright=False)
+    options: dict[str, Any] = {"up": shaped.frames["up"], "body": "ellipsoid", "noise_model": noise_model}
     of_frames = batches.with_occluded_edges(batches.group(table, ["frame"]))
     hidden = np.concatenate(of_frames.column("occluded_lines").to_pylist())
     assert 0 < np.count_nonzero(hidden) < len(table)

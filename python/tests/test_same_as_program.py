@@ -20,19 +20,19 @@ SCENES: dict[str, tuple[list[str], list[str], dict[str, Any]]] = {
         {"body": "cuboid", "seed": 7, "threads": 1},
     ),
     "ellipses": (
-        ["--objects", "5", "--views", "9", "--observations", "ellipses", "--noise", "se:0.3"],
-        ["--observations", "ellipse", "--min-views", "3"],
-        {"observations": "ellipse", "min_views": 3},
+        ["--objects", "5", "--views", "9", "--measurement", "ellipses", "--noise", "se:0.3"],
+        ["--measurement", "ellipse", "--min-views", "3"],
+        {"measurement": "ellipse", "min_views": 3},
     ),
     "poses": (
         ["--objects", "12", "--views", "8", "--pose-noise", "0.2", "--noise", "box:0.02"],
         ["--pose-noise", "0.003,0.1", "--body", "superellipsoid:1.5"],
         {"pose_noise": (0.003, 0.1), "body": "superellipsoid:1.5"},
     ),
-    "sigmas": (
+    "noise_model": (
         ["--objects", "6", "--views", "10", "--noise", "box:0.03", "--outliers", "0.1"],
-        ["--sigmas", "edge_relative=0.02,edge_px=1.5,edge_correlation=0.25", "--body", "cuboid"],
-        {"sigmas": {"edge_px": 1.5, "edge_relative": 0.02, "edge_correlation": 0.25}, "body": "cuboid"},
+        ["--noise-model", "edge_noise=0.02,edge_noise_px=1.5,edge_correlation=0.25", "--body", "cuboid"],
+        {"noise_model": {"edge_noise_px": 1.5, "edge_noise": 0.02, "edge_correlation": 0.25}, "body": "cuboid"},
     ),
     "cross-validation": (
         ["--objects", "6", "--views", "12", "--noise", "box:0.02", "--outliers", "0.1", "--trajectory", "orbit"],
@@ -64,8 +64,8 @@ def compare(estimates: quadlift.Estimates, objects: list[dict[str, Any]]) -> Non
     same(as_written(estimates.center_sd, 6), [o.get("center_sd") for o in objects])
     same(as_written(estimates.rms_residuals, 6), [o.get("residual_px") for o in objects])
     assert estimates.views_used.tolist() == [o["views_used"] for o in objects]
-    same(as_written(estimates.misfits, 6), of("misfit", "relative"))
-    same(as_written(estimates.misfit_deviations, 6), of("misfit", "deviations"))
+    same(as_written(estimates.relative_residuals, 6), of("goodness_of_fit", "relative_residual"))
+    same(as_written(estimates.normalized_residuals, 6), of("goodness_of_fit", "normalized_residual"))
     for others, expected in zip(estimates.alternatives, [o.get("alternatives", []) for o in objects], strict=True):
         for other, wanted in zip(others, expected, strict=True):
             assert other.log_odds == wanted["log_odds"]
@@ -92,7 +92,7 @@ def test_scenes(name: str, program: Program, tmp_path: Path) -> None:
     compare(estimates, objects)
     checked = [o.get("cross_validation", {}) for o in objects]
     same(estimates.predicted_ious, [c.get("iou") for c in checked])
-    assert estimates.odd_views == [c.get("odd_view") for c in checked]
+    assert estimates.suspect_views == [c.get("suspect_view") for c in checked]
     assert any(checked) == keywords.get("cross_validate", False)
     assert estimates.cross_validation == read_json(result)["localization"]["cross_validation"]
 
@@ -135,14 +135,14 @@ def test_scenes(name: str, program: Program, tmp_path: Path) -> None:
     compare(of_arrays, objects)
 
 
-# Objects on a street that a detector misses or sees twice; some of what is found is doubtful.
+# Objects on a street that a detector misses or sees twice; some of what is found is uncertain.
 STREET = ["--trajectory", "street", "--objects", "14", "--views", "14", "--noise", "box:0.05", "--no-ids"]
 DETECTOR = ["--misses", "0.3", "--duplicates", "0.2"]
 
 
 def test_association(program: Program, tmp_path: Path) -> None:
     scene, truth, result = tmp_path / "scene.json", tmp_path / "truth.json", tmp_path / "result.json"
-    program("synth", "-q", "-o", scene, *STREET, *DETECTOR, "--truth", truth)
+    program("synth", "-q", "-o", scene, *STREET, *DETECTOR, "--ground-truth", truth)
     program("localize", "-q", scene, "-o", result)
     loaded = quadlift.Scene.read(scene)
     assert loaded.object_ids == []
@@ -158,25 +158,25 @@ def test_association(program: Program, tmp_path: Path) -> None:
     assert estimates.association is not None
     assert estimates.association == document["localization"]["association"]
     assert estimates.warnings == [o.get("warnings", []) for o in document["objects"]]
-    doubts = {o["id"]: o.get("doubtful") for o in document["localization"]["association"]["objects"]}
-    assert estimates.doubtful == [doubts[name] for name in estimates.object_ids]
-    assert "may be moving, or be several" in next(doubt for doubt in estimates.doubtful if doubt)
+    doubts = {o["id"]: o.get("uncertain") for o in document["localization"]["association"]["objects"]}
+    assert estimates.uncertain == [doubts[name] for name in estimates.object_ids]
+    assert "may be moving, or be several" in next(doubt for doubt in estimates.uncertain if doubt)
     assert estimates.association["associated"] == sum(k >= 0 for k in estimates.object_indices)
     associated, objects = loaded.associate()
     assert [o.id for o in objects] == associated.object_ids == estimates.object_ids.tolist()
-    assert [o.doubtful for o in objects] == estimates.doubtful
+    assert [o.uncertain for o in objects] == estimates.uncertain
     # Nothing is found about identities that are given.
     given = associated.localize(associate="never")
     assert given.association is None
-    assert set(given.doubtful) == {None}
+    assert set(given.uncertain) == {None}
 
 
 ASSOCIATIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     "default": ([], {}),
     "trust": (["--ids", "trust", "--min-views", "4"], {"ids": "trust", "min_views": 4}),
     "skipped detections": (
-        ["--max-overlap", "0.5", "--pixel-sd", "3", "--thorough"],
-        {"max_overlap": 0.5, "pixel_sd": 3, "thorough": True},
+        ["--max-overlap", "0.5", "--edge-noise-px", "3", "--thorough"],
+        {"max_overlap": 0.5, "edge_noise_px": 3, "thorough": True},
     ),
     "scores": (["--min-score", "0.5"], {"min_score": 0.5}),
 }
@@ -231,7 +231,7 @@ def same_scores(scores: quadlift.Evaluation, expected: dict[str, Any]) -> None:
 
 def test_identities_are_scored(program: Program, tmp_path: Path) -> None:
     scene, truth, result = tmp_path / "scene.json", tmp_path / "truth.json", tmp_path / "result.json"
-    program("synth", "-q", "-o", scene, *STREET, *DETECTOR, "--truth", truth)
+    program("synth", "-q", "-o", scene, *STREET, *DETECTOR, "--ground-truth", truth)
     program("localize", "-q", scene, "-o", result)
     loaded, true = quadlift.Scene.read(scene), quadlift.Scene.read(truth)
     estimates = loaded.localize().to_scene()
@@ -263,15 +263,15 @@ def test_identities_are_scored(program: Program, tmp_path: Path) -> None:
 def test_masks(program: Program, tmp_path: Path) -> None:
     scene, result, ours = tmp_path / "scene.json", tmp_path / "result.json", tmp_path / "ours.json"
     program("synth", "-q", "-o", scene, "--render", "--objects", "2", "--views", "5")
-    program("localize", "-q", scene, "-o", result, "--observations", "mask")
+    program("localize", "-q", scene, "-o", result, "--measurement", "mask")
     loaded = quadlift.Scene.read(scene)
-    estimates = loaded.localize(observations="mask")
+    estimates = loaded.localize(measurement="mask")
     estimates.to_scene().write(ours)
     assert ours.read_bytes() == result.read_bytes()
     # Elsewhere the paths of the images are absolute.
     (tmp_path / "other").mkdir()
     loaded.write(tmp_path / "other" / "scene.json")
-    moved = quadlift.Scene.read(tmp_path / "other" / "scene.json").localize(observations="mask")
+    moved = quadlift.Scene.read(tmp_path / "other" / "scene.json").localize(measurement="mask")
     np.testing.assert_array_equal(moved.centers, estimates.centers)
 
 
@@ -282,8 +282,8 @@ def test_why_views_are_rejected(program: Program, tmp_path: Path) -> None:
     estimates = quadlift.Scene.read(scene).localize()
     views = {(o["id"], view["frame"]): view for o in read_json(result)["objects"] for view in o["view_residuals_px"]}
     detections = read_json(scene)["detections"]
-    expected = [views[d["object"], d["frame"]].get("rejected_because") for d in detections]
-    assert estimates.rejected_because == expected
+    expected = [views[d["object"], d["frame"]].get("rejection_reason") for d in detections]
+    assert estimates.rejection_reason == expected
     assert "residual" in expected
     assert [why is None for why in expected] == estimates.inliers.tolist()
 
@@ -305,33 +305,33 @@ def test_calibrated_regions(program: Program, tmp_path: Path) -> None:
     for path, seed in ((known, "1"), (new, "2")):
         program("synth", "-q", "-o", path, "--objects", "30", "--views", "10", "--noise", "box:0.05", "--seed", seed)
     program("localize", "-q", known, "-o", result, "--body", "ellipsoid")
-    program("localize", "-q", new, "-o", out, "--body", "ellipsoid", "--calibration", result, known)
+    program("localize", "-q", new, "-o", out, "--body", "ellipsoid", "--coverage", result, known)
     scenes = {path: quadlift.Scene.read(path) for path in (known, result, new)}
     pair = (scenes[result], scenes[known])
-    estimates = scenes[new].localize(body="ellipsoid", calibration=[pair])
-    assert estimates.calibration is not None
-    assert estimates.calibration == read_json(out)["localization"]["calibration"]
-    assert estimates.calibration["objects"] == 30
+    estimates = scenes[new].localize(body="ellipsoid", coverage=[pair])
+    assert estimates.coverage is not None
+    assert estimates.coverage == read_json(out)["localization"]["coverage"]
+    assert estimates.coverage["objects"] == 30
     estimates.to_scene().write(tmp_path / "ours.json")
     assert (tmp_path / "ours.json").read_bytes() == out.read_bytes()
     # Estimates are results too; the region with the limit holds as many of the known objects as it promises.
     ours = scenes[known].localize(body="ellipsoid")
-    assert ours.calibration is None
-    again = scenes[new].localize(body="ellipsoid", calibration=[(ours, scenes[known])]).calibration
+    assert ours.coverage is None
+    again = scenes[new].localize(body="ellipsoid", coverage=[(ours, scenes[known])]).coverage
     assert again is not None
-    assert again["squared_distance"] == estimates.calibration["squared_distance"]
+    assert again["squared_distance"] == estimates.coverage["squared_distance"]
     truths = {o["id"]: o["ellipsoid"]["center"] for o in read_json(known)["objects"]}
     errors = ours.centers - np.array([truths[name] for name in ours.object_ids])
     distances = np.sort(np.einsum("ni,nij,nj->n", errors, np.linalg.inv(ours.covariances[:, :3, :3]), errors))
     # ceil(0.9 * 31) = 28 of 30.
     np.testing.assert_allclose(again["squared_distance"]["center"]["0.9"], distances[27], rtol=1e-6)
     with pytest.raises(quadlift.QuadliftError, match=r'calibration: .*no object that is "ok"'):
-        scenes[new].localize(calibration=[(scenes[known], scenes[known])])
-    with pytest.raises(quadlift.QuadliftError, match="calibration is an option of method"):
-        scenes[new].localize(method="lfd", calibration=[pair])
+        scenes[new].localize(coverage=[(scenes[known], scenes[known])])
+    with pytest.raises(quadlift.QuadliftError, match="coverage is an option of method"):
+        scenes[new].localize(method="lfd", coverage=[pair])
     wrong: Any = [scenes[known]]
     with pytest.raises(quadlift.QuadliftError, match=r"calibration\[0\] is .*; expected a pair"):
-        scenes[new].localize(calibration=wrong)
+        scenes[new].localize(coverage=wrong)
     wrong = [("result.json", scenes[known])]
     with pytest.raises(quadlift.QuadliftError, match=r"calibration\[0\]\[0\]"):
-        scenes[new].localize(calibration=wrong)
+        scenes[new].localize(coverage=wrong)

@@ -16,7 +16,7 @@ from fleet import Fleet, assert_same, comparable, count_ok, made_fleet, statuses
 from quadlift import batches
 from quadlift.batches import _detections
 
-SIGMAS = {"edge_relative": 0.02, "edge_px": 0.3, "occluded_edge_relative": 0.05, "edge_correlation": 0.2}
+NOISE_MODEL = {"edge_noise": 0.02, "edge_noise_px": 0.3, "occluded_edge_noise": 0.05, "edge_correlation": 0.2}
 KEYS = ["scene", "object"]
 
 
@@ -48,7 +48,7 @@ def tables(made: Arrays) -> tuple[pa.Table, pa.Table]:
 @pytest.mark.parametrize("body", ["ellipsoid", "cuboid", "superellipsoid:1.5"])
 def test_same_as_scenes(fleet: Fleet, body: str) -> None:
     rows = of_objects(fleet.shuffled())
-    options: dict[str, Any] = {"sigmas": SIGMAS, "body": body, "seed": 5}
+    options: dict[str, Any] = {"noise_model": NOISE_MODEL, "body": body, "seed": 5}
     found = batches.localize_objects(rows, fleet.cameras, up=fleet.up, **options)
     assert found.schema == batches.schema(pa.string(), pa.string())
     assert_same(found, fleet.expected(**options))
@@ -63,11 +63,11 @@ def test_same_as_scenes(fleet: Fleet, body: str) -> None:
 def test_priors(fleet: Fleet) -> None:
     """Sizes of categories and upright stance, which each object has for itself."""
     prior: dict[str, Any] = {"size": (6.0, 6.0, 6.0), "size_sd": (1.0, 1.0, 1.0), "upright_sd": 0.1}
-    options: dict[str, Any] = {"sigmas": SIGMAS, "body": "ellipsoid", "priors": {"car": prior}}
+    options: dict[str, Any] = {"noise_model": NOISE_MODEL, "body": "ellipsoid", "priors": {"car": prior}}
     rows = of_objects(fleet.shuffled())
     found = batches.localize_objects(rows, fleet.cameras, up=fleet.up, **options)
     assert_same(found, fleet.expected(**options))
-    without = batches.localize_objects(rows, fleet.cameras, up=fleet.up, sigmas=SIGMAS, body="ellipsoid")
+    without = batches.localize_objects(rows, fleet.cameras, up=fleet.up, noise_model=NOISE_MODEL, body="ellipsoid")
     changed = [a != b for a, b in zip(found["center"].to_pylist(), without["center"].to_pylist(), strict=True)]
     assert changed == [kind == "car" for kind in found["category"].to_pylist()]
 
@@ -76,7 +76,7 @@ def test_occluded_edges_count(fleet: Fleet) -> None:
     rows = of_objects(fleet.detections)
     masks = np.concatenate(rows["occluded_edges"].to_pylist())
     assert set(masks) == {0, 1, 4, 5}
-    options: dict[str, Any] = {"sigmas": SIGMAS, "body": "ellipsoid"}
+    options: dict[str, Any] = {"noise_model": NOISE_MODEL, "body": "ellipsoid"}
     found = batches.localize_objects(rows.drop_columns("occluded_edges"), fleet.cameras, **options)
     assert not comparable(found).equals(fleet.expected(**options))
 
@@ -91,11 +91,11 @@ def test_noise_is_that_of_a_scene(made: Arrays) -> None:
     frames = batches.with_occluded_edges(batches.group(batches.ungroup(rows), ["frame"]))
     with_edges = batches.group(batches.ungroup(frames), ["object"])
     whole = quadlift.localize(**made.arguments())
-    sigmas, body = batches.noise(with_edges, cameras)
-    assert (sigmas, body) == (whole.noise, whole.body)
+    noise_model, body = batches.noise(with_edges, cameras)
+    assert (noise_model, body) == (whole.noise, whole.body)
     # What is given stays.
-    assert batches.noise(rows, cameras, sigmas=SIGMAS, body="cuboid") == (SIGMAS, "cuboid")
-    found = batches.localize_objects(rows, cameras, sigmas=sigmas, body=body)
+    assert batches.noise(rows, cameras, noise_model=NOISE_MODEL, body="cuboid") == (NOISE_MODEL, "cuboid")
+    found = batches.localize_objects(rows, cameras, noise_model=noise_model, body=body)
     assert found["object"].to_pylist() == whole.object_ids.tolist()
 
 
@@ -106,14 +106,14 @@ def test_own_cameras(fleet: Fleet) -> None:
     own = []
     for scene, frames in zip(rows["scene"].to_pylist(), rows["frame"].to_pylist(), strict=True):
         own.append([{k: v for k, v in of_frame[scene, frame].items() if k != "scene"} for frame in reversed(frames)])
-    options: dict[str, Any] = {"sigmas": SIGMAS, "body": "ellipsoid"}
+    options: dict[str, Any] = {"noise_model": NOISE_MODEL, "body": "ellipsoid"}
     expected = batches.localize_objects(rows, fleet.cameras, **options)
     assert batches.localize_objects(rows.append_column("cameras", pa.array(own)), **options).equals(expected)
 
 
 def test_ids_may_be_numbers() -> None:
     """Numbers and texts in the same order give the same."""
-    options: dict[str, Any] = {"sigmas": SIGMAS, "body": "ellipsoid"}
+    options: dict[str, Any] = {"noise_model": NOISE_MODEL, "body": "ellipsoid"}
     made = made_scene(objects=3, views=12)
     rows, cameras = tables(made)
     found = batches.localize_objects(rows, cameras, **options)
@@ -130,7 +130,7 @@ def test_ids_may_be_numbers() -> None:
 def test_texts_are_in_the_order_of_texts() -> None:
     made = made_scene(objects=3, views=12)
     rows, cameras = tables(made)
-    options: dict[str, Any] = {"sigmas": {**SIGMAS, "edge_correlation": 0.8}, "body": "ellipsoid"}
+    options: dict[str, Any] = {"noise_model": {**NOISE_MODEL, "edge_correlation": 0.8}, "body": "ellipsoid"}
     named = [[str(frame) for frame in frames] for frames in rows["frame"].to_pylist()]
     names = [str(frame) for frame in cameras["frame"].to_pylist()]
     found = batches.localize_objects(
@@ -179,7 +179,7 @@ POISON: dict[str, tuple[str, Any, str]] = {
 def test_poison(made: Arrays, name: str) -> None:
     column, value, text = POISON[name]
     rows, cameras = tables(made)
-    options: dict[str, Any] = {"sigmas": SIGMAS, "body": "ellipsoid"}
+    options: dict[str, Any] = {"noise_model": NOISE_MODEL, "body": "ellipsoid"}
     good = batches.localize_objects(rows, cameras, **options)
     found = batches.localize_objects(wrong(rows, 2, **{column: value}), cameras, **options)
     others = pa.array([True, True, False, True])
@@ -189,16 +189,16 @@ def test_poison(made: Arrays, name: str) -> None:
     assert text in row["problem"]
     assert all(row[name] is None for name in row if name not in ("object", "status", "problem"))
     # A sample leaves it out.
-    sigmas, _ = batches.noise(wrong(rows, 2, **{column: value}), cameras, body="ellipsoid")
-    assert sigmas == batches.noise(rows.filter(others), cameras, body="ellipsoid")[0]
+    noise_model, _ = batches.noise(wrong(rows, 2, **{column: value}), cameras, body="ellipsoid")
+    assert noise_model == batches.noise(rows.filter(others), cameras, body="ellipsoid")[0]
 
 
 def test_empty_rows(made: Arrays) -> None:
     rows, cameras = tables(made)
     empty = wrong(rows, 1, **{name: [] for name in ("frame", "x0", "y0", "x1", "y1")})
-    found = batches.localize_objects(empty, cameras, sigmas=SIGMAS, body="ellipsoid")
+    found = batches.localize_objects(empty, cameras, noise_model=NOISE_MODEL, body="ellipsoid")
     assert statuses(found)[1] == ("invalid", "there are no detections")
-    nothing = batches.localize_objects(rows.slice(0, 0), cameras, sigmas=SIGMAS, body="ellipsoid")
+    nothing = batches.localize_objects(rows.slice(0, 0), cameras, noise_model=NOISE_MODEL, body="ellipsoid")
     assert nothing.schema == found.schema
     assert len(nothing) == 0
     assert batches.noise(rows.slice(0, 0), cameras) == ({}, "ellipsoid")
@@ -221,7 +221,7 @@ def test_broken_cameras(made: Arrays, name: str) -> None:
     # The first object is not seen in that frame.
     lists = {n: rows[n][0].as_py()[:3] + rows[n][0].as_py()[4:] for n in ("frame", "x0", "y0", "x1", "y1")}
     rows = wrong(rows, 0, **lists)
-    options: dict[str, Any] = {"sigmas": SIGMAS, "body": "ellipsoid"}
+    options: dict[str, Any] = {"noise_model": NOISE_MODEL, "body": "ellipsoid"}
     good = batches.localize_objects(rows, cameras, **options)
     found = batches.localize_objects(rows, wrong(cameras, 3, **{column: value}), **options)
     assert found.slice(0, 1).equals(good.slice(0, 1))
@@ -233,7 +233,7 @@ def test_broken_cameras(made: Arrays, name: str) -> None:
 
 def test_cameras_twice(made: Arrays) -> None:
     rows, cameras = tables(made)
-    options: dict[str, Any] = {"sigmas": SIGMAS, "body": "ellipsoid"}
+    options: dict[str, Any] = {"noise_model": NOISE_MODEL, "body": "ellipsoid"}
     good = batches.localize_objects(rows, cameras, **options)
     assert batches.localize_objects(rows, pa.concat_tables([cameras, cameras]), **options).equals(good)
     other = wrong(cameras.slice(0, 1), 0, width=641.0)
@@ -246,7 +246,7 @@ def test_order_of_detections_does_not_matter(made: Arrays) -> None:
     rows, cameras = tables(made)
     rows = wrong(rows, 1, frame=[5, 99, 77, 2, 1, 0])
     backwards = [{k: v[::-1] if isinstance(v, list) else v for k, v in row.items()} for row in rows.to_pylist()]
-    options: dict[str, Any] = {"sigmas": SIGMAS, "body": "ellipsoid"}
+    options: dict[str, Any] = {"noise_model": NOISE_MODEL, "body": "ellipsoid"}
     found = batches.localize_objects(rows, cameras, **options)
     assert statuses(found)[1] == ("invalid", "frame 77: there is no such camera")
     assert batches.localize_objects(pa.Table.from_pylist(backwards, schema=rows.schema), cameras, **options).equals(
@@ -258,7 +258,7 @@ def test_a_failure_inside_stays_with_its_object(
     made: Arrays, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     rows, cameras = tables(made)
-    options: dict[str, Any] = {"sigmas": SIGMAS, "body": "ellipsoid"}
+    options: dict[str, Any] = {"noise_model": NOISE_MODEL, "body": "ellipsoid"}
     good = batches.localize_objects(rows, cameras, **options)
     real = batches._localized
 
@@ -363,7 +363,7 @@ def test_cameras_can_be_sent(fleet: Fleet) -> None:
     assert len(cameras) == 33
     again = pickle.loads(pickle.dumps(cameras))
     rows = of_objects(fleet.detections)
-    options: dict[str, Any] = {"sigmas": SIGMAS, "body": "ellipsoid"}
+    options: dict[str, Any] = {"noise_model": NOISE_MODEL, "body": "ellipsoid"}
     assert batches.localize_objects(rows, again, **options).equals(batches.localize_objects(rows, cameras, **options))
 
 
@@ -372,7 +372,7 @@ def test_cameras_can_be_sent(fleet: Fleet) -> None:
 
 def refusals(made: Arrays) -> dict[str, tuple[Any, str]]:
     rows, cameras = tables(made)
-    good: dict[str, Any] = {"sigmas": SIGMAS, "body": "ellipsoid"}
+    good: dict[str, Any] = {"noise_model": NOISE_MODEL, "body": "ellipsoid"}
 
     def objects(rows: pa.Table = rows, cameras: Any = cameras, **options: Any) -> Any:
         return lambda: batches.localize_objects(rows, cameras, **{**good, **options})
@@ -380,8 +380,8 @@ def refusals(made: Arrays) -> dict[str, tuple[Any, str]]:
     named = cameras.append_column("scene", pa.array(["s"] * len(cameras)))
     texts = cameras.set_column(0, "frame", cameras["frame"].cast(pa.string()))
     return {
-        "no sigmas": (objects(sigmas=None), "sigmas and a body"),
-        "auto": (objects(body="auto"), "sigmas and a body"),
+        "no noise_model": (objects(noise_model=None), "noise_model and a body"),
+        "auto": (objects(body="auto"), "noise_model and a body"),
         "wrong body": (objects(body="sphere"), 'body is "sphere"'),
         "ground": (objects(ground_plane=True), "ground_plane is an option of whole scenes"),
         "height": (objects(camera_height=1.0), "camera_height is an option of whole scenes"),
@@ -409,12 +409,12 @@ def refusals(made: Arrays) -> dict[str, tuple[Any, str]]:
 
 def test_priors_that_could_share_a_ground_are_taken_where_up_is_not_known(made: Arrays) -> None:
     rows, cameras = tables(made)
-    options: dict[str, Any] = {"sigmas": SIGMAS, "body": "ellipsoid", "priors": "builtin", "length_unit": "m"}
+    options: dict[str, Any] = {"noise_model": NOISE_MODEL, "body": "ellipsoid", "priors": "builtin", "length_unit": "m"}
     found = batches.localize_objects(rows, cameras, **options)
     halves = [batches.localize_objects(rows.slice(start, 2), cameras, **options) for start in (0, 2)]
     assert pa.concat_tables(halves).equals(found)
     # The objects have no categories.
-    assert found.equals(batches.localize_objects(rows, cameras, sigmas=SIGMAS, body="ellipsoid"))
+    assert found.equals(batches.localize_objects(rows, cameras, noise_model=NOISE_MODEL, body="ellipsoid"))
 
 
 def wrong_type(rows: pa.Table) -> pa.Table:

@@ -49,8 +49,8 @@ def test_recipe(program: Program, engine: str, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     frames = batches.with_occluded_edges(batches.group(fleet.detections, ["scene", "frame"]))
     rows = batches.group(batches.ungroup(frames), ["scene", "object"])
-    sigmas, body = batches.noise(batches.sample(rows), fleet.cameras)
-    expected = batches.localize_objects(rows, fleet.cameras, sigmas=sigmas, body=body)
+    noise_model, body = batches.noise(batches.sample(rows), fleet.cameras)
+    expected = batches.localize_objects(rows, fleet.cameras, noise_model=noise_model, body=body)
     parts = [pq.read_table(path) for path in sorted((tmp_path / "objects").glob("*.parquet"))]
     found = pa.concat_tables(parts).select(expected.column_names)
     assert_same(found, expected)

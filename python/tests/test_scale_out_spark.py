@@ -25,8 +25,8 @@ from quadlift import batches
 
 pytestmark = pytest.mark.scale_out
 
-SIGMAS = {"edge_relative": 0.02, "edge_px": 0.3, "occluded_edge_relative": 0.05, "edge_correlation": 0.2}
-GIVEN: dict[str, Any] = {"sigmas": SIGMAS, "body": "ellipsoid"}
+NOISE_MODEL = {"edge_noise": 0.02, "edge_noise_px": 0.3, "occluded_edge_noise": 0.05, "edge_correlation": 0.2}
+GIVEN: dict[str, Any] = {"noise_model": NOISE_MODEL, "body": "ellipsoid"}
 
 
 def session(master: str) -> SparkSession:
@@ -106,11 +106,11 @@ def test_partitions_can_be_chosen(fleet: Fleet, detections: DataFrame, cameras: 
 def test_same_as_the_program(
     program: Program, fleet: Fleet, detections: DataFrame, cameras: DataFrame, tmp_path: Path
 ) -> None:
-    levels = ",".join(f"{name}={value}" for name, value in SIGMAS.items())
+    levels = ",".join(f"{name}={value}" for name, value in NOISE_MODEL.items())
     rows = quadlift.spark.localize(detections, cameras, **GIVEN).toArrow().to_pylist()
     compared = 0
     for name, path in fleet.files.items():
-        given = ["--sigmas", levels, "--body", "ellipsoid", "--no-upright"]
+        given = ["--noise-model", levels, "--body", "ellipsoid", "--no-upright"]
         program("localize", "-q", path, "-o", tmp_path / "result.json", *given)
         of_id = {o["id"]: o for o in read_json(tmp_path / "result.json")["objects"]}
         mine = [row for row in rows if row["scene"] == name]
@@ -133,17 +133,17 @@ def test_noise_from_a_sample(fleet: Fleet, detections: DataFrame, cameras: DataF
     """It depends on ids only: not on partitions, not on where the cameras come from, not on the engine."""
     frames = batches.with_occluded_edges(batches.group(fleet.detections, ["scene", "frame"]))
     rows = batches.group(batches.ungroup(frames), ["scene", "object"])
-    sigmas, body = batches.noise(batches.sample(rows, 9), fleet.cameras)
-    expected = batches.localize_objects(rows, fleet.cameras, sigmas=sigmas, body=body)
+    noise_model, body = batches.noise(batches.sample(rows, 9), fleet.cameras)
+    expected = batches.localize_objects(rows, fleet.cameras, noise_model=noise_model, body=body)
     for parts, limit in ((1, 1000), (5, 0)):
         some = detections.repartition(parts)
         found = quadlift.spark.localize(some, cameras, sample_objects=9, broadcast_cameras=limit)
         assert_same(found.toArrow(), expected)
     # Found apart, to be kept.
-    assert quadlift.spark.noise(detections, cameras, sample_objects=9) == (sigmas, body)
+    assert quadlift.spark.noise(detections, cameras, sample_objects=9) == (noise_model, body)
     # One of the two may be given.
     cuboids = batches.noise(batches.sample(rows, 9), fleet.cameras, body="cuboid")[0]
-    expected = batches.localize_objects(rows, fleet.cameras, sigmas=cuboids, body="cuboid")
+    expected = batches.localize_objects(rows, fleet.cameras, noise_model=cuboids, body="cuboid")
     found = quadlift.spark.localize(detections, cameras, sample_objects=9, body="cuboid")
     assert_same(found.toArrow(), expected)
 
@@ -263,8 +263,8 @@ def test_poison(fleet: Fleet, spark: SparkSession, cameras: DataFrame, limit: in
     frames = batches.with_occluded_edges(batches.group(poisoned, ["scene", "frame"]))
     objects = batches.group(batches.ungroup(frames), ["scene", "object"])
     of_all = batches.Cameras(cameras.toArrow())
-    sigmas, body = batches.noise(batches.sample(objects), of_all)
-    assert_same(again, batches.localize_objects(objects, of_all, sigmas=sigmas, body=body))
+    noise_model, body = batches.noise(batches.sample(objects), of_all)
+    assert_same(again, batches.localize_objects(objects, of_all, noise_model=noise_model, body=body))
 
 
 def test_empty(detections: DataFrame, cameras: DataFrame) -> None:

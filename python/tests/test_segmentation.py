@@ -66,7 +66,7 @@ def test_from_images_to_objects(folder: Path) -> None:
     told: list[tuple[int, int]] = []
     segmented = scene.segment(progress=lambda done, total: told.append((done, total)))
     assert told[-1] == (2, 2)
-    estimates = segmented.localize(observations="mask")
+    estimates = segmented.localize(measurement="mask")
     scores = estimates.to_scene().evaluate(scene)
     assert scores.mean["iou3d"] is not None
     assert scores.mean["iou3d"] > 0.6

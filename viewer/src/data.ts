@@ -103,13 +103,13 @@ export interface ReportObject {
   /** Root mean square over the used views, pixels. */
   residual: number | null;
   /** The same per degree of freedom, relative to the half size of the boxes. */
-  misfit: number | null;
+  relativeResidual: number | null;
   /** The same in standard deviations of the scene's noise. */
-  misfitDeviations: number | null;
+  normalizedResidual: number | null;
   /** Mean IoU of the boxes that its other views predict for each of its views, and the measured ones. */
   predictedIou: number | null;
   /** The frame whose detection the other views contradict. */
-  oddView: string | null;
+  suspectView: string | null;
   warnings: string[];
 }
 

@@ -64,10 +64,10 @@ export function bodiesGlb(
       shapes.set(key, shape);
     }
     const { r, g, b } = new THREE.Color(color(index));
-    const doubtful = isUnreliable(object);
+    const uncertain = isUnreliable(object);
     materials.push({
-      pbrMetallicRoughness: { baseColorFactor: [r, g, b, doubtful ? 0.3 : 1], metallicFactor: 0, roughnessFactor: 0.8 },
-      ...(doubtful ? { alphaMode: "BLEND" } : {}),
+      pbrMetallicRoughness: { baseColorFactor: [r, g, b, uncertain ? 0.3 : 1], metallicFactor: 0, roughnessFactor: 0.8 },
+      ...(uncertain ? { alphaMode: "BLEND" } : {}),
     });
     const name = objectName(report, index);
     meshes.push({ name, primitives: [{ ...shape, material: materials.length - 1 }] });

@@ -86,9 +86,9 @@ function facts(report: Report, index: number, object: ReportObject): [string, st
       ? []
       : [["center uncertainty", `± ${withUnit(object.centerSd, lengthUnit)} along each axis`] as [string, string]]),
     ["residual", object.residual === null ? "–" : `${short(object.residual)} px over ${object.viewsUsed} views`],
-    ...(object.misfit === null
+    ...(object.relativeResidual === null
       ? []
-      : [["misfit", `${short(100 * object.misfit)} % of the boxes' half size${deviations(object)}`] as [string, string]]),
+      : [["residual", `${short(100 * object.relativeResidual)} % of the boxes' half size${deviations(object)}`] as [string, string]]),
     ...(object.alternatives.length === 0
       ? []
       : [["other bodies", object.alternatives.map((other) => alternativeInWords(report, other)).join("; ")] as [string, string]]),
@@ -99,8 +99,8 @@ function facts(report: Report, index: number, object: ReportObject): [string, st
 }
 
 function deviations(object: ReportObject): string {
-  const { misfitDeviations } = object;
-  return misfitDeviations === null ? "" : `, ${short(misfitDeviations)} times the scene's noise`;
+  const { normalizedResidual } = object;
+  return normalizedResidual === null ? "" : `, ${short(normalizedResidual)} times the scene's noise`;
 }
 
 function viewColumns(report: Report): ConstructorParameters<typeof Table<ViewOf>>[1] {

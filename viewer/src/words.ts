@@ -150,7 +150,7 @@ export function statusName(status: string | null): string {
 /** What is to be said about an object, in sentences. */
 export function remarks(object: ReportObject): string[] {
   const reason = object.status === null ? undefined : REASON[object.status];
-  const odd = object.oddView === null ? [] : [`the view ${object.oddView} contradicts the others`];
+  const odd = object.suspectView === null ? [] : [`the view ${object.suspectView} contradicts the others`];
   return [...(reason === undefined ? [] : [`not localized: ${reason}`]), ...object.warnings, ...odd];
 }
 

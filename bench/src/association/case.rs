@@ -4,7 +4,7 @@ use quadlift::association::{AssociateOptions, Association, associate};
 use quadlift::geometry::{BodyKind, Ellipsoid};
 use quadlift::metrics::{ClusteringScore, ObjectDetectionScore, pairwise_clustering_scores, score_found};
 use quadlift::scene::{Scene, SceneError};
-use quadlift::solve::MapOptions;
+use quadlift::solve::PosteriorOptions;
 use quadlift::{Localization, LocalizeOptions, localize};
 
 use crate::error::Error;
@@ -46,24 +46,24 @@ pub(crate) struct CaseScore {
     pub false_objects: Marked,
 }
 
-/// Objects, and how many of them are marked as doubtful.
+/// Objects, and how many of them are marked as uncertain.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Marked {
     /// Number of objects.
     pub objects: usize,
-    /// Number of doubtful ones.
-    pub doubtful: usize,
+    /// Number of uncertain ones.
+    pub uncertain: usize,
 }
 
 impl Marked {
     /// Share that is marked.
     pub(crate) fn share(self) -> Option<f64> {
-        (self.objects > 0).then(|| self.doubtful as f64 / self.objects as f64)
+        (self.objects > 0).then(|| self.uncertain as f64 / self.objects as f64)
     }
 
     /// Both together.
     pub(crate) fn and(self, other: Self) -> Self {
-        Self { objects: self.objects + other.objects, doubtful: self.doubtful + other.doubtful }
+        Self { objects: self.objects + other.objects, uncertain: self.uncertain + other.uncertain }
     }
 }
 
@@ -149,7 +149,7 @@ impl Case {
         for (object, (all, of_true)) in association.objects.iter().zip(members) {
             let kind = if 2 * of_true >= all { &mut standing } else { &mut others };
             kind.objects += 1;
-            kind.doubtful += usize::from(object.doubtful.is_some());
+            kind.uncertain += usize::from(object.uncertain.is_some());
         }
         (standing, others)
     }
@@ -166,7 +166,7 @@ pub(crate) fn o3d(scene: &Scene, bodies: &[Ellipsoid]) -> Result<f64, Error> {
 
 /// Localizes the objects that the detections name, as ellipsoids.
 pub(crate) fn localize_ellipsoids(scene: &Scene) -> Result<Localization, Error> {
-    let map = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
+    let map = PosteriorOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
     Ok(localize(scene, &LocalizeOptions::from(map))?)
 }
 
@@ -182,14 +182,14 @@ mod tests {
             true_objects: vec![Some(0), None, Some(0), None, None, Some(1)],
             bodies: Vec::new(),
         };
-        let object = |doubtful| AssociatedObject {
+        let object = |uncertain| AssociatedObject {
             id: String::new(),
             category_index: None,
             views: 3,
             expected_views: 3,
             evidence: None,
             ellipsoid: None,
-            doubtful,
+            uncertain,
         };
         let association = Association {
             object_of_detection: vec![Some(0), Some(0), Some(1), Some(1), Some(1), None],
@@ -197,7 +197,7 @@ mod tests {
             ..Default::default()
         };
         let (standing, others) = case.marked(&association);
-        assert_eq!((standing, others), (Marked { objects: 1, doubtful: 0 }, Marked { objects: 1, doubtful: 1 }));
+        assert_eq!((standing, others), (Marked { objects: 1, uncertain: 0 }, Marked { objects: 1, uncertain: 1 }));
         assert_eq!(
             (standing.share(), standing.and(others).share(), Marked::default().share()),
             (Some(0.0), Some(0.5), None)

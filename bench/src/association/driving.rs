@@ -172,9 +172,9 @@ pub(crate) fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(),
         "centers found",
         "false, prototype",
         "false objects",
-        "doubtful ones",
+        "uncertain ones",
         "true objects",
-        "doubtful true ones",
+        "uncertain true ones",
         "O3D",
         "O3D, true ids",
     ];
@@ -194,9 +194,9 @@ pub(crate) fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(),
             score.centers_found.map_or(Cell::Empty, |x| Cell::number(x, 3)),
             Cell::number(false_objects, 0),
             whole(score.false_objects.objects),
-            whole(score.false_objects.doubtful),
+            whole(score.false_objects.uncertain),
             whole(score.standing.objects),
-            whole(score.standing.doubtful),
+            whole(score.standing.uncertain),
             Cell::number(score.o3d, 3),
             Cell::number(score.o3d_with_true_ids, 3),
         ]);
@@ -212,12 +212,12 @@ pub(crate) fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(),
         "Boxes with a score of {LEAST_SCORE} or more; default settings. Poses from GPS and IMU. A true object is a \
          static car that is detected at least three times; its center is found if an object lies within its longest \
          semi-axis. A found object is false if most of its boxes show something else, usually a moving car. Aims for \
-         all sequences together: at least half of the false ones doubtful, and at most 5 % of the true ones."
+         all sequences together: at least half of the false ones uncertain, and at most 5 % of the true ones."
     ));
     report.table(table);
     for (id, what, marked) in [
-        ("association_doubtful_false", "share of false objects marked as doubtful", of_false),
-        ("association_doubtful_true", "share of true objects marked as doubtful", of_true),
+        ("association_uncertain_false", "share of false objects marked as uncertain", of_false),
+        ("association_uncertain_true", "share of true objects marked as uncertain", of_true),
     ] {
         report.headlines.extend(headline(id, format!("{what}, KITTI tracking"), marked.share(), "associate"));
     }

@@ -45,7 +45,7 @@ impl Row {
         AssociateOptions { ids: IdPolicy::Ignore, thorough, without, ..Default::default() }
     }
 
-    /// Whether the row affects more than doubtful objects.
+    /// Whether the row affects more than uncertain objects.
     fn divides(&self) -> bool {
         !matches!(self.without, Some(Part::Warning(_)))
     }
@@ -68,7 +68,7 @@ pub(super) fn steps(with_real_data: bool) -> usize {
 pub(super) fn add(data: Option<&Path>, report: &mut Report, run: &Run, steps: &Steps) -> Result<(), Error> {
     let conditions = synthetic::with_parts_to_do();
     let columns = ["part"].into_iter().chain(conditions.iter().map(|(name, _)| *name));
-    let driving = ["KITTI tracking", "false objects", "doubtful ones", "doubtful true ones, %"];
+    let driving = ["KITTI tracking", "false objects", "uncertain ones", "uncertain true ones, %"];
     let columns: Vec<&str> = columns.chain(driving).collect();
     let scenes: Vec<Vec<Case>> = conditions.iter().map(|(_, make)| cases(make, run)).collect::<Result<_, _>>()?;
     let videos = data.map_or_else(|| Ok(Vec::new()), driving::cases)?;
@@ -91,7 +91,7 @@ pub(super) fn add(data: Option<&Path>, report: &mut Report, run: &Run, steps: &S
         let (standing, others) = (all(|d| d.standing), all(|d| d.false_objects));
         cells.push(number(f1(&driving).filter(|_| row.divides())));
         let whole = |n: usize| if driving.is_empty() { Cell::Empty } else { Cell::number(n as f64, 0) };
-        cells.extend([whole(others.objects), whole(others.doubtful)]);
+        cells.extend([whole(others.objects), whole(others.uncertain)]);
         cells.push(standing.share().map_or(Cell::Empty, |share| Cell::number(100.0 * share, 1)));
         table.push(cells);
         if data.is_some() {
@@ -99,7 +99,7 @@ pub(super) fn add(data: Option<&Path>, report: &mut Report, run: &Run, steps: &S
         }
     }
     table.note(
-        "Conditions as above. KITTI tracking: the four sequences, false objects and doubtful ones of all of them \
+        "Conditions as above. KITTI tracking: the four sequences, false objects and uncertain ones of all of them \
          together.",
     );
     report.table(table);

@@ -7,7 +7,7 @@ use quadlift::align::{AlignOptions, AlignStatus, CommonUp, MapObject, align};
 use quadlift::geometry::{BodyKind, Projection, Similarity};
 use quadlift::nalgebra::{Point3, Rotation3, Unit, Vector3};
 use quadlift::scene::Scene;
-use quadlift::solve::MapOptions;
+use quadlift::solve::PosteriorOptions;
 use quadlift::{LocalizeError, LocalizeOptions, localize};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -28,7 +28,7 @@ const DRAWS: u64 = 200;
 const OTHER_DRAWS: u64 = 50;
 
 /// Objects of a room that are in both maps; half of the others is in each.
-const COMMON: usize = 12;
+pub(crate) const COMMON: usize = 12;
 
 const FIRST_SEED: u64 = 829;
 
@@ -52,13 +52,13 @@ const SCENES: [(&str, &str, &str, f64); 4] = [
 const DIVISIONS: u64 = 12;
 
 /// Two maps, and where the second one truly lies.
-struct TwoMaps {
-    a: Vec<MapObject>,
-    b: Vec<MapObject>,
-    a_from_b: Similarity,
-    up: [Unit<Vector3<f64>>; 2],
+pub(crate) struct TwoMaps {
+    pub a: Vec<MapObject>,
+    pub b: Vec<MapObject>,
+    pub a_from_b: Similarity,
+    pub up: [Unit<Vector3<f64>>; 2],
     /// A point in the middle, in the frame of A.
-    middle: Point3<f64>,
+    pub middle: Point3<f64>,
 }
 
 /// What is known of the second map.
@@ -132,7 +132,7 @@ fn map_of(scene: &Scene, options: &LocalizeOptions) -> Result<Vec<MapObject>, Er
 }
 
 /// Two maps of a room from its two halves; with `common` objects in both.
-fn rooms(categories: usize, common: usize, seed: u64) -> Result<TwoMaps, Error> {
+pub(crate) fn rooms(categories: usize, common: usize, seed: u64) -> Result<TwoMaps, Error> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut all = room(categories, &mut rng);
     for k in (1..all.len()).rev() {
@@ -144,7 +144,7 @@ fn rooms(categories: usize, common: usize, seed: u64) -> Result<TwoMaps, Error> 
     let b_from_room = any_similarity(&mut rng);
     let scene_a = images(of_a, [0, FRAMES / 2], categories, &Similarity::identity(), &mut rng)?;
     let scene_b = images(&of_b, [FRAMES / 2, FRAMES], categories, &b_from_room, &mut rng)?;
-    let options = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
+    let options = PosteriorOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
     let options = LocalizeOptions { seed, ..options.into() };
     Ok(TwoMaps {
         a: map_of(&scene_a, &options)?,

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use quadlift::calibrate::{CalibrateOptions, CalibratedCamera, CameraDistance, CameraStatus, calibrate};
+use quadlift::calibrate_rig::{CalibrateOptions, CalibratedCamera, CameraStatus, KnownBaseline, calibrate_rig};
 use quadlift::geometry::{CamFromWorld, rotation_vector};
 use quadlift::nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
 use quadlift::synthetic::{Hall, HallOptions, WalkPath, generate_hall};
@@ -27,7 +27,7 @@ const RIGHT_DEGREES: f64 = 1.0;
 const RIGHT_METERS: f64 = 0.1;
 const WRONG_SDS: f64 = 4.0;
 
-/// Cameras, walkers, instants, noise of edges, ids, path.
+/// Cameras, pedestrians, time steps, noise of edges, ids, path.
 type Row = (usize, usize, usize, f64, bool, WalkPath);
 
 const ROWS: [Row; 17] = [
@@ -63,7 +63,7 @@ struct Tally {
 }
 
 /// Rotation, and center in the frame of a reference.
-fn relative(pose: &CamFromWorld, reference: &CamFromWorld) -> (Matrix3<f64>, Vector3<f64>) {
+pub(crate) fn relative(pose: &CamFromWorld, reference: &CamFromWorld) -> (Matrix3<f64>, Vector3<f64>) {
     let parts = |pose: &CamFromWorld| {
         let matrix = *pose.matrix();
         (matrix.fixed_columns::<3>(0).into_owned(), matrix.column(3).into_owned())
@@ -135,19 +135,19 @@ impl Tally {
     }
 }
 
-/// Instant and id, and the rays of both cameras.
+/// Time step and id, and the rays of both cameras.
 type OfBody = (usize, Option<usize>);
 type BothSides = [Vec<Vector3<f64>>; 2];
 
-/// Centers of boxes of two cameras that show the same person: by ids, or at instants at which both have one box.
+/// Centers of boxes of two cameras that show the same person: by ids, or at time steps at which both have one box.
 fn rays(hall: &Hall, cameras: [usize; 2]) -> Vec<(Vector3<f64>, Vector3<f64>)> {
-    let mut of_instant: BTreeMap<OfBody, BothSides> = BTreeMap::new();
+    let mut of_time_step: BTreeMap<OfBody, BothSides> = BTreeMap::new();
     let k = &hall.intrinsics;
     for b in &hall.boxes {
         if let Some(side) = cameras.iter().position(|&camera| camera == b.camera) {
             let center = b.bounding_box.center();
             let ray = Vector3::new((center.x - k.cx) / k.fx, (center.y - k.cy) / k.fy, 1.0);
-            of_instant.entry((b.instant, b.object)).or_default()[side].push(ray);
+            of_time_step.entry((b.time_step, b.object)).or_default()[side].push(ray);
         }
     }
     let with_ids = hall.boxes.iter().any(|b| b.object.is_some());
@@ -155,17 +155,17 @@ fn rays(hall: &Hall, cameras: [usize; 2]) -> Vec<(Vector3<f64>, Vector3<f64>)> {
         let usable = object.is_some() == with_ids && first.len() == 1 && second.len() == 1;
         usable.then(|| (first[0], second[0]))
     };
-    of_instant.into_iter().filter_map(pair).collect()
+    of_time_step.into_iter().filter_map(pair).collect()
 }
 
 /// A hall by both methods.
-fn of_hall(&(cameras, walkers, instants, edge_sd, ids, path): &Row, seed: u64) -> Result<[Tally; 2], Error> {
+fn of_hall(&(cameras, pedestrians, time_steps, edge_noise, ids, path): &Row, seed: u64) -> Result<[Tally; 2], Error> {
     let hall = generate_hall(&HallOptions {
         seed,
         cameras,
-        walkers,
-        instants,
-        edge_sd,
+        pedestrians,
+        time_steps,
+        edge_noise,
         misses: MISSES,
         false_boxes: FALSE_BOXES,
         ids,
@@ -173,8 +173,8 @@ fn of_hall(&(cameras, walkers, instants, edge_sd, ids, path): &Row, seed: u64) -
         ..HallOptions::default()
     })?;
     let truth: Vec<_> = hall.cameras.iter().map(|pose| relative(pose, &hall.cameras[0])).collect();
-    let distances = vec![CameraDistance { cameras: [0, 1], length: truth[1].1.norm() }];
-    let found = calibrate(&hall.rig(None), &CalibrateOptions { distances, seed });
+    let baselines = vec![KnownBaseline { cameras: [0, 1], length: truth[1].1.norm() }];
+    let found = calibrate_rig(&hall.rig(None), &CalibrateOptions { baselines, seed });
     let mut tallies = [Tally::default(), Tally::default()];
     let reference = found.cameras[0].cam_from_world.filter(|_| found.cameras[0].status == CameraStatus::Ok);
     for camera in 1..cameras {
@@ -204,7 +204,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
     let titles = [
         "cameras",
         "people",
-        "instants",
+        "time_steps",
         "noise",
         "ids",
         "path",
@@ -221,7 +221,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
     let mut table = Table::new("Fixed cameras from people who walk by", titles);
     let (mut least_right, mut most_wrong) = (1.0_f64, 0.0_f64);
     for row in &ROWS {
-        let &(cameras, walkers, instants, noise, ids, path) = row;
+        let &(cameras, pedestrians, time_steps, noise, ids, path) = row;
         let halls = if cameras == 2 { 2 * count } else { count };
         let found = (0..halls)
             .into_par_iter()
@@ -234,7 +234,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
         let tallies = found.into_iter().fold([Tally::default(), Tally::default()], sum);
         let share = |n: usize| n as f64 / tallies[0].cameras.max(1) as f64;
         most_wrong = most_wrong.max(share(tallies[0].wrong));
-        if path == WalkPath::Anywhere && cameras > 2 && instants >= 100 {
+        if path == WalkPath::Anywhere && cameras > 2 && time_steps >= 100 {
             least_right = least_right.min(share(tallies[0].right));
         }
         let path = match path {
@@ -244,7 +244,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
         };
         for (method, tally) in ["calibrate", "eight points"].into_iter().zip(tallies) {
             let ids = if ids { "yes" } else { "no" };
-            let labels = [cameras.to_string(), walkers.to_string(), instants.to_string(), noise.to_string()];
+            let labels = [cameras.to_string(), pedestrians.to_string(), time_steps.to_string(), noise.to_string()];
             let labels = labels.into_iter().chain([ids, path, method].map(str::to_owned)).map(Cell::from);
             table.push(labels.chain(tally.cells()).collect());
         }
@@ -254,7 +254,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
     let headline = |id, what, value| Headline::ours(id, what, "calibrate", value);
     report.headlines.push(headline(
         "calibrate_right",
-        "share of fixed cameras that are right, of four and eight cameras with 100 instants and more, the lowest",
+        "share of fixed cameras that are right, of four and eight cameras with 100 time steps and more, the lowest",
         least_right,
     ));
     report.headlines.push(headline(

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use quadlift::geometry::CamFromWorld;
-use quadlift::locate::{LandmarkMap, Query};
 use quadlift::nalgebra::{Matrix3x4, Matrix6, Rotation3, Vector2, Vector3, Vector6};
+use quadlift::relocalize::{LandmarkMap, Query};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;

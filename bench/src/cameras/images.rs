@@ -1,8 +1,8 @@
 //! Maps from some frames of a scene, and the other frames located in them.
 
 use quadlift::geometry::{CamFromWorld, rotation_vector};
-use quadlift::locate::{Gravity, Landmark, LandmarkMap, LocateOptions, LocateStatus, Query, QueryBox};
 use quadlift::nalgebra::{Matrix6, Rotation3, Unit, Vector3, Vector6};
+use quadlift::relocalize::{Gravity, Landmark, LandmarkMap, LocateOptions, LocateStatus, Query, QueryBox};
 use quadlift::scene::Scene;
 use quadlift::{LocalizeOptions, localize};
 
@@ -12,7 +12,7 @@ use crate::table::Cell;
 
 /// Which frames make the map; the others are located.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Split {
+pub(crate) enum Split {
     /// Every second one.
     Alternate,
     /// Those of one side of the scene.
@@ -65,14 +65,14 @@ impl Split {
 }
 
 /// A direction across another one.
-pub(super) fn any_across(up: &Unit<Vector3<f64>>) -> Vector3<f64> {
+pub(crate) fn any_across(up: &Unit<Vector3<f64>>) -> Vector3<f64> {
     let other = if up.x.abs() < 0.5 { Vector3::x() } else { Vector3::y() };
     up.cross(&other).normalize()
 }
 
 /// An image that is located, with the truth.
 #[derive(Debug, Clone)]
-pub(super) struct Image {
+pub(crate) struct Image {
     pub query: Query,
     pub truth: CamFromWorld,
     /// Boxes of objects of the map.
@@ -81,7 +81,7 @@ pub(super) struct Image {
 
 /// A map and the images that are located in it.
 #[derive(Debug, Clone)]
-pub(super) struct MapAndImages {
+pub(crate) struct MapAndImages {
     pub map: LandmarkMap,
     pub options: LocateOptions,
     pub up: Option<Unit<Vector3<f64>>>,
@@ -89,7 +89,7 @@ pub(super) struct MapAndImages {
 }
 
 /// Makes a map of the objects that some frames of a scene show, by their ids, and the boxes of the other frames without ids.
-pub(super) fn divide(scene: &Scene, split: Split, options: &LocalizeOptions) -> Result<MapAndImages, Error> {
+pub(crate) fn divide(scene: &Scene, split: Split, options: &LocalizeOptions) -> Result<MapAndImages, Error> {
     let of_map = split.is_of_map(scene);
     let mut half = scene.clone();
     half.edit(|parts| parts.detections.retain(|d| of_map[d.frame_index as usize] && d.object_index.is_some()))?;
@@ -141,7 +141,7 @@ pub(super) struct Tally {
 
 impl Tally {
     /// Counts a pose that is claimed to be right, if there is one; `covariance` is that of its errors, as of
-    /// [`LocatedPose`](quadlift::locate::LocatedPose).
+    /// [`LocatedPose`](quadlift::relocalize::LocatedPose).
     fn add(
         &mut self,
         claimed: Option<&CamFromWorld>,
@@ -198,7 +198,7 @@ fn normalized_square(pose: &CamFromWorld, covariance: &Matrix6<f64>, truth: &Cam
 const MOST_DEGREES: f64 = 5.0;
 
 /// Whether a pose is so near to the truth: position in world units, rotation in degrees.
-fn is_within(pose: &CamFromWorld, truth: &CamFromWorld, bound: f64) -> bool {
+pub(crate) fn is_within(pose: &CamFromWorld, truth: &CamFromWorld, bound: f64) -> bool {
     let parts =
         |pose: &CamFromWorld| (pose.matrix().fixed_columns::<3>(0).into_owned(), pose.matrix().column(3).into_owned());
     let ((r0, t0), (r1, t1)) = (parts(pose), parts(truth));
@@ -227,7 +227,7 @@ pub(super) fn located(all: &MapAndImages, known: Known, least: usize, bound: f64
             up_in_camera: Unit::new_normalize(image.truth.matrix().fixed_columns::<3>(0) * up_in_world.into_inner()),
             sd: GRAVITY_SD,
         });
-        let found = all.map.locate(&image.query, &LocateOptions { gravity, ..all.options.clone() });
+        let found = all.map.relocalize(&image.query, &LocateOptions { gravity, ..all.options.clone() });
         let best = found.poses.first().filter(|_| found.status == LocateStatus::Ok);
         let covariance = best.map(|pose| &pose.covariance);
         tally.add(best.map(|pose| &pose.cam_from_world), covariance, &image.truth, bound);

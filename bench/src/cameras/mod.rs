@@ -1,16 +1,15 @@
 //! Cameras from objects (ours): images located in a map of objects, in synthetic rooms and on real scenes; maps that are aligned;
 //! poses that are refined with the objects; rigs of fixed cameras from people who walk by.
 
-mod alignment;
-mod calibration;
+pub(crate) mod alignment;
+pub(crate) mod calibration;
 mod centers;
-mod contradictions;
 mod eight_point;
-mod images;
+pub(crate) mod images;
 mod p3p;
 mod real;
 mod refinement;
-mod rooms;
+pub(crate) mod rooms;
 mod triples;
 
 use std::path::Path;
@@ -30,7 +29,6 @@ pub(crate) fn run(data: Option<&Path>, run: &Run) -> Result<Report, Error> {
     alignment::run(run, &mut report)?;
     refinement::run(run, &mut report)?;
     calibration::run(run, &mut report)?;
-    contradictions::run(run, &mut report)?;
     match data_folder(data) {
         Ok(folder) => {
             real::run(&folder, run, &mut report)?;

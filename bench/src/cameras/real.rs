@@ -53,7 +53,7 @@ pub(super) fn run(data: &Path, run: &Run, report: &mut Report) -> Result<(), Err
     };
     let tallies = rows.par_iter().map(of_row).collect::<Result<Vec<_>, _>>()?;
     for (&(scene, split), tallies) in rows.iter().zip(&tallies) {
-        for (method, tally) in ["locate", "centers"].into_iter().zip(tallies) {
+        for (method, tally) in ["relocalize", "centers"].into_iter().zip(tallies) {
             let labels = [SCENES[scene].1, split.name(), method].map(Cell::from);
             table.push(labels.into_iter().chain(tally.cells()).collect());
         }

@@ -6,7 +6,7 @@ use quadlift::geometry::{Body, BodyKind, CamFromWorld, rotation_vector};
 use quadlift::metrics::{iou3d_bodies, nees};
 use quadlift::nalgebra::{IsometryMatrix3, Rotation3, Vector3, Vector6};
 use quadlift::random::{normal, stream};
-use quadlift::solve::{MapOptions, PoseMotion};
+use quadlift::solve::{PoseMotion, PosteriorOptions};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift::{Localization, LocalizeOptions, localize};
 use rayon::prelude::*;
@@ -67,11 +67,11 @@ fn drive(seed: u64, points: usize) -> Result<SyntheticScene, Error> {
 /// The drive with errors of its poses.
 fn with_errors(
     made: &SyntheticScene,
-    (_, rotation, shift, memory): (&str, f64, f64, f64),
+    (_, rotation, shift, correlation_length): (&str, f64, f64, f64),
     seed: u64,
 ) -> Result<SyntheticScene, Error> {
     let mut rng = stream(seed, ERROR_STREAM);
-    let rho = if memory > 0.0 { (-1.0 / memory).exp() } else { 0.0f64 };
+    let rho = if correlation_length > 0.0 { (-1.0 / correlation_length).exp() } else { 0.0f64 };
     let mut given = made.clone();
     given.scene.edit(|parts| {
         let mut error = Vector6::from_fn(|_, _| normal(&mut rng));
@@ -166,7 +166,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
                 let seed = run.seed.wrapping_add(FIRST_SEED + k);
                 let made = drive(seed, points)?;
                 let given = with_errors(&made, errors, seed)?;
-                let map = MapOptions { body: Some(BodyKind::Ellipsoid), refine_poses, ..Default::default() };
+                let map = PosteriorOptions { body: Some(BodyKind::Ellipsoid), refine_poses, ..Default::default() };
                 let found = localize(&given.scene, &LocalizeOptions { seed, ..map.into() })?;
                 Ok(scores(&made, &given, &found))
             };
@@ -195,13 +195,14 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
     }
     report.table(table);
     // Of the motion that suits the errors.
-    let suits =
-        |(name, (_, _, _, memory), _): &&(&str, (&str, f64, f64, f64), f64)| (*name == "slow") == (*memory > 0.0);
+    let suits = |(name, (_, _, _, correlation_length), _): &&(&str, (&str, f64, f64, f64), f64)| {
+        (*name == "slow") == (*correlation_length > 0.0)
+    };
     let worst = halved.iter().filter(suits).map(|(_, _, ratio)| *ratio).fold(0.0, f64::max);
     report.headlines.push(Headline::ours(
         "cameras_refined",
         "rotation errors of refined poses over those given, simulated drives, largest",
-        "map",
+        "posterior",
         worst,
     ));
     Ok(())
@@ -266,7 +267,7 @@ pub(super) fn run_real(data: &Path, run: &Run, report: &mut Report) -> Result<()
         let read = |name: &&str| TrueScene::read(data, &format!("kitti_{name}_{poses}"), name);
         let scenes: Vec<TrueScene> = AVERAGED.iter().map(read).collect::<Result<_, _>>()?;
         for (name, refine_poses) in MOTIONS {
-            let mut options = LocalizeOptions::from(MapOptions { refine_poses, ..cars(BodyKind::Cuboid) });
+            let mut options = LocalizeOptions::from(PosteriorOptions { refine_poses, ..cars(BodyKind::Cuboid) });
             protocol("rrc", run.seed)(&mut options);
             let found: Vec<Localization> =
                 (scenes.par_iter().map(|scene| localize(&scene.scene, &options))).collect::<Result<_, _>>()?;

@@ -9,7 +9,7 @@ use quadlift::geometry::{
 };
 use quadlift::nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
 use quadlift::scene::{NewDetection, Scene, SceneBuilder};
-use quadlift::solve::MapOptions;
+use quadlift::solve::PosteriorOptions;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -77,7 +77,7 @@ fn camera(angle: f64, rng: &mut ChaCha8Rng) -> Result<CamFromWorld, Error> {
 }
 
 /// Images of a room.
-fn scene(categories: usize, seed: u64) -> Result<Scene, Error> {
+pub(crate) fn scene(categories: usize, seed: u64) -> Result<Scene, Error> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let objects = room(categories, &mut rng);
     images(&objects, [0, FRAMES], categories, &Similarity::identity(), &mut rng)
@@ -162,7 +162,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
             let of_room = |number: u64| -> Result<[Tally; 3], Error> {
                 let seed = run.seed.wrapping_add(FIRST_SEED + number);
                 let scene = scene(categories, seed)?;
-                let options = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
+                let options = PosteriorOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
                 let all = divide(&scene, split, &LocalizeOptions { seed, ..options.into() })?;
                 Ok([
                     located(&all, Known::Nothing, FEWEST, BOUND),
@@ -176,7 +176,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
                 let share = |n: usize| n as f64 / tally.images.max(1) as f64;
                 (share(tally.right).min(right), share(tally.wrong).max(wrong))
             });
-            for (k, method) in ["locate", "locate, gravity", "centers"].into_iter().enumerate() {
+            for (k, method) in ["relocalize", "locate, gravity", "centers"].into_iter().enumerate() {
                 let tally = all(k);
                 let labels = [split.name().to_owned(), categories.to_string(), method.to_owned()].map(Cell::from);
                 table.push(labels.into_iter().chain(tally.cells()).collect());
@@ -185,7 +185,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
         }
     }
     report.table(table);
-    let headline = |id, what, value| Headline::ours(id, what, "locate", value);
+    let headline = |id, what, value| Headline::ours(id, what, "relocalize", value);
     report.headlines.push(headline(
         "cameras_right",
         "share of images of rooms that are located, the lowest",

@@ -3,7 +3,7 @@
 use quadlift::geometry::BodyKind;
 use quadlift::metrics::nees;
 use quadlift::scene::Detection;
-use quadlift::solve::{MapOptions, Status};
+use quadlift::solve::{PosteriorOptions, Status};
 use quadlift::synthetic::{CueOptions, DepthNoise, simulate_cues};
 use quadlift::{LocalizeOptions, localize};
 use rayon::prelude::*;
@@ -43,7 +43,7 @@ fn errors(frames: usize, column: usize, seed: u64) -> Result<Vec<[f64; 2]>, Erro
             !is_seen_once(object) || detection.frame_index as usize == object / 2 % frames
         });
     })?;
-    let options = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
+    let options = PosteriorOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
     let found = localize(&scene, &LocalizeOptions { seed, ..options.into() })?;
     let error = |estimate: &quadlift::solve::Estimate| {
         let id = &scene.object_ids[estimate.object_index];

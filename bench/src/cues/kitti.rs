@@ -6,7 +6,7 @@ use quadlift::geometry::{Body, BodyKind, BoundingBox, ConvexBody, Projection};
 use quadlift::metrics::iou3d_ellipsoids;
 use quadlift::nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
 use quadlift::scene::{Cues, Detection, NewDetection, Scene, SceneBuilder};
-use quadlift::solve::{MapOptions, Status};
+use quadlift::solve::{PosteriorOptions, Status};
 use quadlift::synthetic::{Box3dNoise, CueOptions, DepthNoise, simulate_cues};
 use quadlift::{LocalizeOptions, localize};
 use quadlift_io::builtin_priors;
@@ -74,7 +74,7 @@ pub(super) fn run(data: &Path, run: &Run, report: &mut Report) -> Result<(), Err
                 what: format!("O3D, KITTI, RRC boxes, aligned poses, {name}"),
                 paper: None,
                 ours,
-                row: "map, cuboid, car prior".to_owned(),
+                row: "posterior, cuboid, car prior".to_owned(),
                 decimals: 3,
             }));
         }
@@ -203,7 +203,7 @@ fn errors(image: &SingleImage, cues: &CueOptions, seed: u64) -> Result<Vec<CarSc
     }
     let scene: Scene = builder.build();
     let scene = simulate_cues(&scene, |index, _| Some(image.cars[index].1), cues, seed)?;
-    let map = MapOptions {
+    let map = PosteriorOptions {
         body: Some(BodyKind::Cuboid),
         priors: builtin_priors(),
         camera_height: Some(CAMERA_HEIGHT),

@@ -9,7 +9,7 @@ use quadlift::geometry::{Body, OutlineEnd, TangentLines};
 use quadlift::metrics::{ObjectScore, TruthObject};
 use quadlift::nalgebra::Vector2;
 use quadlift::scene::Scene;
-use quadlift::solve::MapOptions;
+use quadlift::solve::PosteriorOptions;
 use quadlift::{LocalizeOptions, MeasurementKind};
 use quadlift_io::read_scene_file;
 use quadlift_segment::render::{ObjectKind, RenderOptions, render};
@@ -109,7 +109,7 @@ impl MaskScene {
         }
         let scene = TrueScene { scene: Scene::from_parts(parts)?, ..self.scene.clone() };
         let measurements = if lines == Lines::Boxes { MeasurementKind::Box } else { MeasurementKind::Mask };
-        scene.scores(&LocalizeOptions { measurements, seed, ..MapOptions::default().into() })
+        scene.scores(&LocalizeOptions { measurements, seed, ..PosteriorOptions::default().into() })
     }
 }
 

@@ -6,7 +6,7 @@ use quadlift::geometry::{
 use quadlift::metrics::{iou3d_ellipsoids, nees};
 use quadlift::nalgebra::{Rotation2, Vector2};
 use quadlift::scene::Scene;
-use quadlift::solve::{MapOptions, Status};
+use quadlift::solve::{PosteriorOptions, Status};
 use quadlift::synthetic::SyntheticScene;
 use quadlift::{LocalizeOptions, localize};
 use rand::{RngExt, SeedableRng};
@@ -110,7 +110,7 @@ fn scores(views: usize, seed: u64) -> Result<Vec<Vec<Option<Score>>>, Error> {
     let made = noisy_boxes(views, seed)?;
     let of_column = |column: usize| -> Result<Vec<_>, Error> {
         let scene = scene_of(&made, column, seed)?;
-        let map = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
+        let map = PosteriorOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
         let found = localize(&scene, &LocalizeOptions { seed, ..map.into() })?;
         let score = |(name, body): &(String, Body)| {
             let truth: Ellipsoid = body.ellipsoid();
@@ -158,7 +158,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
     report.headlines.push(Headline::ours(
         "cues_outlines_worse",
         "most that O3D falls with outlines beside boxes",
-        "map",
+        "posterior",
         worse,
     ));
     Ok(())

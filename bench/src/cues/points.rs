@@ -8,7 +8,7 @@ use quadlift::geometry::{BodyKind, BoundingBox, Ellipsoid};
 use quadlift::metrics::{iou3d_ellipsoids, nees};
 use quadlift::random::{normal, stream};
 use quadlift::scene::{Frame, Scene};
-use quadlift::solve::{MapOptions, Status};
+use quadlift::solve::{PosteriorOptions, Status};
 use quadlift::synthetic::SyntheticScene;
 use quadlift::{LocalizeOptions, localize};
 use quadlift_io::SceneFile;
@@ -167,7 +167,7 @@ fn scores(views: usize, seed: u64) -> Result<Vec<(Vec<Score>, f64)>, Error> {
         }
         let with = scene.detections.iter().filter(|detection| detection.cues.is_some()).count();
         let share = with as f64 / scene.detections.len().max(1) as f64;
-        let options = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
+        let options = PosteriorOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
         let found = localize(&scene, &LocalizeOptions { seed, ..options.into() })?;
         let score = |k: usize| {
             let estimate = found.estimates.iter().find(|e| scene.object_ids[e.object_index] == made.truth[k].0)?;
@@ -220,7 +220,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
     report.headlines.push(Headline::ours(
         "points_worse",
         "most that O3D falls with points, two views and more",
-        "map",
+        "posterior",
         worse,
     ));
     Ok(())

@@ -3,7 +3,7 @@
 use quadlift::geometry::BodyKind;
 use quadlift::metrics::{iou3d_ellipsoids, nees};
 use quadlift::scene::Detection;
-use quadlift::solve::{MapOptions, Status};
+use quadlift::solve::{PosteriorOptions, Status};
 use quadlift::synthetic::{
     Box3dNoise, CueOptions, DepthNoise, Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate,
     simulate_cues,
@@ -48,7 +48,7 @@ fn street(views: usize, seed: u64) -> Result<SyntheticScene, Error> {
 fn scores(made: &SyntheticScene, cues: &CueOptions, seed: u64) -> Result<Vec<(f64, Option<f64>)>, Error> {
     let body_of = |index: usize, _: &Detection| made.true_objects[index].map(|object| made.truth[object].1);
     let scene = simulate_cues(&made.scene, body_of, cues, seed)?;
-    let options = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
+    let options = PosteriorOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
     let found = localize(&scene, &LocalizeOptions { seed, ..options.into() })?;
     let score = |(id, body): &(String, quadlift::geometry::Body)| {
         let truth = body.ellipsoid();

@@ -5,7 +5,7 @@ use std::path::Path;
 use quadlift::geometry::BodyKind;
 use quadlift::metrics::nees;
 use quadlift::nalgebra::{Unit, Vector3};
-use quadlift::solve::MapOptions;
+use quadlift::solve::PosteriorOptions;
 use quadlift::synthetic::{CategoryOptions, CategorySizes, Noise, Observations, SyntheticOptions, generate_categories};
 use quadlift::{LocalizeOptions, localize};
 use rayon::prelude::*;
@@ -47,7 +47,7 @@ const BODIES: [(&str, BodyKind, bool); 3] = [
 ];
 
 fn options(learn_sizes: bool, body: Option<BodyKind>, seed: u64) -> LocalizeOptions {
-    LocalizeOptions { seed, ..MapOptions { learn_sizes, body, ..Default::default() }.into() }
+    LocalizeOptions { seed, ..PosteriorOptions { learn_sizes, body, ..Default::default() }.into() }
 }
 
 /// O3D and NEES of each object.
@@ -123,7 +123,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
         }
     }
     report.table(table);
-    let headline = |id, what, value| Headline::ours(id, what, "map", value);
+    let headline = |id, what, value| Headline::ours(id, what, "posterior", value);
     let mean = gains.iter().sum::<f64>() / gains.len().max(1) as f64;
     report.headlines.push(headline("cues_sizes_gain", "mean gain of O3D with sizes from the scene, synthetic", mean));
     report.headlines.push(headline(
@@ -226,7 +226,7 @@ pub(super) fn run_real(data: &Path, run: &Run, report: &mut Report) -> Result<()
     report.headlines.push(Headline::ours(
         "cues_sizes_real",
         "mean gain of O3D with sizes from the scene, real data",
-        "map",
+        "posterior",
         gains.iter().sum::<f64>() / gains.len().max(1) as f64,
     ));
     Ok(())

@@ -3,7 +3,7 @@
 use quadlift::geometry::{BodyKind, Ellipsoid};
 use quadlift::metrics::{iou3d_ellipsoids, nees};
 use quadlift::scene::{Detection, Scene};
-use quadlift::solve::{MapOptions, Status};
+use quadlift::solve::{PosteriorOptions, Status};
 use quadlift::synthetic::{
     Box3dNoise, CueOptions, DepthNoise, Noise, Observations, SyntheticOptions, SyntheticScene, generate, simulate_cues,
 };
@@ -112,8 +112,10 @@ pub(super) fn scores_of(
             };
             return Ok((0..truth.len()).map(|k| score(mean(k).as_ref().map(|e| (e, None)), &truth[k])).collect());
         }
-        let options =
-            LocalizeOptions { seed, ..MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() }.into() };
+        let options = LocalizeOptions {
+            seed,
+            ..PosteriorOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() }.into()
+        };
         let found = localize(&scene, &options)?;
         Ok((0..truth.len())
             .map(|k| {
@@ -176,7 +178,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
     report.headlines.push(Headline::ours(
         "cues_worse",
         "most that O3D falls with a cue, two views and more",
-        "map",
+        "posterior",
         worse,
     ));
     Ok(())

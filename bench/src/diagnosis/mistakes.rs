@@ -6,7 +6,7 @@ use quadlift::diagnosis::{BoxFormat, CameraParts, CauseName, Correction, Mistake
 use quadlift::geometry::{Body, BodyKind, ConvexBody};
 use quadlift::metrics::iou3d_bodies;
 use quadlift::scene::{Detection, Frame, Scene};
-use quadlift::solve::{MapOptions, Method};
+use quadlift::solve::{Method, PosteriorOptions};
 use quadlift::synthetic::Trajectory;
 use quadlift::{LocalizeOptions, localize};
 use rand::{RngExt, SeedableRng};
@@ -14,7 +14,7 @@ use rand_chacha::ChaCha8Rng;
 
 /// A mistake.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum NamedMistake {
+pub(crate) enum NamedMistake {
     /// A correction undoes it.
     Undone(Correction),
     /// The later half of the trajectory has steps multiplied by this.
@@ -28,7 +28,7 @@ pub(super) enum NamedMistake {
 }
 
 /// All mistakes, several sizes of those that have a size.
-pub(super) fn all() -> Vec<NamedMistake> {
+pub(crate) fn all() -> Vec<NamedMistake> {
     // The order is that of the tables and of the draws.
     let (poses, quaternion_orders) = Correction::OF_POSES.split_at(9);
     let mut all = poses.to_vec();
@@ -76,7 +76,7 @@ pub(super) fn mistakes_of(seed: u64, count: usize) -> Vec<NamedMistake> {
 
 impl NamedMistake {
     /// Its name in the tables.
-    pub(super) fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         let value = match self {
             Self::Undone(correction) => correction.value(),
             Self::ScaleJump(x) | Self::RepeatedPoses(x) | Self::SomeFrames(_, x) => Some(*x),
@@ -90,7 +90,7 @@ impl NamedMistake {
     }
 
     /// The expected causes.
-    pub(super) fn cause(&self) -> CauseName {
+    pub(crate) fn cause(&self) -> CauseName {
         match self {
             Self::Undone(correction) | Self::SomeFrames(correction, _) => correction.cause(),
             Self::ScaleJump(_) => CauseName::ScaleJump,
@@ -100,7 +100,7 @@ impl NamedMistake {
     }
 
     /// The wrong scene; `None` where most boxes would be none.
-    pub(super) fn make(&self, scene: &Scene) -> Option<Scene> {
+    pub(crate) fn make(&self, scene: &Scene) -> Option<Scene> {
         let wrong = match *self {
             Self::Undone(correction) => Mistake(correction).apply(scene),
             Self::ScaleJump(factor) => with_scale_jump(scene, factor)?,
@@ -126,7 +126,7 @@ impl NamedMistake {
     }
 
     /// Whether the wrong scene is as consistent as the right one, or nearly so, because of where the cameras stand.
-    pub(super) fn is_hidden_by(&self, trajectory: Trajectory) -> bool {
+    pub(crate) fn is_hidden_by(&self, trajectory: Trajectory) -> bool {
         match (self.cause(), trajectory) {
             // Cameras at 200 units from objects within 10: perspective is weak, and a focal length scales the world.
             (CauseName::FocalLength, Trajectory::Random) => false,
@@ -212,7 +212,7 @@ pub(super) fn harm(truth: &[(String, Body)], right: &HashMap<String, Body>, wron
 /// The estimated bodies by the names of their objects.
 pub(super) fn bodies(scene: &Scene) -> HashMap<String, Body> {
     let mut options = LocalizeOptions { allow_inconsistent: true, ..Default::default() };
-    options.method = Method::Map(MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() });
+    options.method = Method::Posterior(PosteriorOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() });
     let Ok(localization) = localize(scene, &options) else { return HashMap::new() };
     let named = |e: quadlift::solve::Estimate| Some((scene.object_ids[e.object_index].clone(), e.body?));
     localization.estimates.into_iter().filter_map(named).collect()

@@ -1,8 +1,8 @@
 //! The self-check on correct scenes and on scenes with one of the common mistakes (ours).
 
-mod mistakes;
+pub(crate) mod mistakes;
 mod real;
-mod scenes;
+pub(crate) mod scenes;
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;

@@ -6,14 +6,14 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// A synthetic scene with the options that it was drawn with.
-pub(super) struct RandomScene {
+pub(crate) struct RandomScene {
     pub options: SyntheticOptions,
     pub synthetic: SyntheticScene,
 }
 
 impl RandomScene {
     /// The scene of a seed; `None` where an object does not lie in front of its cameras.
-    pub(super) fn draw(seed: u64) -> Option<Self> {
+    pub(crate) fn draw(seed: u64) -> Option<Self> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let trajectories = [
             Trajectory::default(),
@@ -44,7 +44,7 @@ impl RandomScene {
 }
 
 /// The same scene without ids.
-pub(super) fn without_ids(scene: &Scene) -> Option<Scene> {
+pub(crate) fn without_ids(scene: &Scene) -> Option<Scene> {
     let mut parts = scene.clone().into_parts();
     parts.detections.iter_mut().for_each(|detection| detection.object_index = None);
     parts.object_ids.clear();

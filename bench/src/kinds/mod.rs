@@ -10,7 +10,7 @@ use nalgebra::{Point3, Rotation3, Vector2, Vector3};
 use quadlift::geometry::{Body, BodyKind};
 use quadlift::metrics::iou3d_bodies;
 use quadlift::scene::Scene;
-use quadlift::solve::{CategoryPrior, MapOptions};
+use quadlift::solve::{CategoryPrior, PosteriorOptions};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift::{LocalizeOptions, localize};
 use rayon::prelude::*;
@@ -46,26 +46,26 @@ const SETS: [(&str, Trajectory, usize, bool); 4] = [
     ("8 views over 60 degrees, lying anyhow", Trajectory::Arc { span: 60.0 }, 8, false),
 ];
 
-/// The median of triangulated boxes, or settings of `map`.
+/// The median of triangulated boxes, or settings of `posterior`.
 enum Row {
     Median,
-    Map(Box<MapOptions>),
+    Posterior(Box<PosteriorOptions>),
 }
 
 fn rows() -> Vec<(&'static str, Row)> {
-    let map = |options| Row::Map(Box::new(options));
-    let body = |kind| map(MapOptions { body: Some(kind), ..Default::default() });
-    let mut standing = MapOptions::default();
+    let map = |options| Row::Posterior(Box::new(options));
+    let body = |kind| map(PosteriorOptions { body: Some(kind), ..Default::default() });
+    let mut standing = PosteriorOptions::default();
     let upright = CategoryPrior { upright_sd: Some(UPRIGHT_SD), ..Default::default() };
     standing.priors.by_category.insert("*".to_owned(), upright);
     vec![
         ("median of triangulated boxes", Row::Median),
-        ("map, auto", map(MapOptions::default())),
-        ("map, auto, --no-upright", map(MapOptions { upright: false, ..Default::default() })),
-        ("map, auto, all upright", map(standing)),
-        ("map, ellipsoid", body(BodyKind::Ellipsoid)),
-        ("map, cuboid", body(BodyKind::Cuboid)),
-        ("map, cylinder", body(BodyKind::Cylinder)),
+        ("posterior, auto", map(PosteriorOptions::default())),
+        ("posterior, auto, --no-upright", map(PosteriorOptions { upright: false, ..Default::default() })),
+        ("posterior, auto, all upright", map(standing)),
+        ("posterior, ellipsoid", body(BodyKind::Ellipsoid)),
+        ("posterior, cuboid", body(BodyKind::Cuboid)),
+        ("posterior, cylinder", body(BodyKind::Cylinder)),
     ]
 }
 
@@ -117,7 +117,7 @@ pub(crate) fn run(run: &Run) -> Result<Report, Error> {
             cells.extend((0..KINDS.len()).map(|kind| Cell::figure(of_kind(Some(kind)), 3)));
             cells.push(Cell::figure(of_kind(None), 3));
             table.push(cells);
-            if let (Some(ours), true) = (of_kind(None), *title == "map, auto" && name == SETS[0].0) {
+            if let (Some(ours), true) = (of_kind(None), *title == "posterior, auto" && name == SETS[0].0) {
                 let what = format!("IoU, {name}");
                 let row = (*title).to_owned();
                 report.headlines.push(Headline { id: "kinds_table", what, paper: None, ours, row, decimals: 3 });
@@ -137,7 +137,7 @@ fn ious(synthetic: &SyntheticScene, row: &Row, seed: u64) -> Result<Vec<f64>, Er
     let scene = &synthetic.scene;
     let found: Vec<Option<Body>> = match row {
         Row::Median => (0..synthetic.truth.len()).map(|object| median_of_boxes(scene, object as u32)).collect(),
-        Row::Map(map) => {
+        Row::Posterior(map) => {
             let options = LocalizeOptions { allow_inconsistent: true, seed, ..LocalizeOptions::from((**map).clone()) };
             let estimates = localize(scene, &options)?.estimates;
             let of_object = |object| estimates.iter().find(|e| e.object_index == object).and_then(|e| e.body);

@@ -1,7 +1,7 @@
 //! Wrong boxes among those of objects of one kind (ours): the default against the true kind given.
 
 use quadlift::geometry::BodyKind;
-use quadlift::solve::MapOptions;
+use quadlift::solve::PosteriorOptions;
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, generate};
 use rayon::prelude::*;
 
@@ -72,8 +72,8 @@ fn cell(
     kind: BodyKind,
     share: f64,
 ) -> Result<(Option<Figure>, Option<Figure>), Error> {
-    let default = Row::Map(Box::default());
-    let given = Row::Map(Box::new(MapOptions { body: Some(kind), ..Default::default() }));
+    let default = Row::Posterior(Box::default());
+    let given = Row::Posterior(Box::new(PosteriorOptions { body: Some(kind), ..Default::default() }));
     let pairs = (0..run.scenes(SCENES))
         .into_par_iter()
         .map(|k| {

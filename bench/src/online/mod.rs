@@ -4,7 +4,7 @@ mod beside_batch;
 mod lifecycle;
 mod loop_closure;
 mod over_time;
-mod replay;
+pub(crate) mod replay;
 
 use std::path::Path;
 

@@ -7,7 +7,7 @@ use quadlift::scene::{NewDetection, Scene};
 
 /// The detections of a scene with their objects, as the updates of a map tell.
 #[derive(Debug, Default)]
-pub(super) struct Labels {
+pub(crate) struct Labels {
     /// For each detection of the scene, the object that it was last said to be of.
     objects: Vec<Option<ObjectId>>,
     /// Detections by frame id and place in the frame.
@@ -90,7 +90,7 @@ impl Labels {
 }
 
 /// Observes all frames of a scene in their order; `after` is called after each with the number of frames so far.
-pub(super) fn replay(map: &mut ObjectMap, scene: &Scene, mut after: impl FnMut(usize, &ObjectMap, &Labels)) -> Labels {
+pub(crate) fn replay(map: &mut ObjectMap, scene: &Scene, mut after: impl FnMut(usize, &ObjectMap, &Labels)) -> Labels {
     let mut labels = Labels::new(scene);
     for (index, (frame, indices)) in scene.frames.iter().zip(by_frame(scene)).enumerate() {
         let detections: Vec<NewDetection> = indices.iter().filter_map(|&d| observed(scene, d)).collect();

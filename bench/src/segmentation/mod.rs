@@ -9,7 +9,7 @@ mod scenes;
 use std::path::Path;
 
 use quadlift::scene::Scene;
-use quadlift::solve::{MapOptions, Method};
+use quadlift::solve::{Method, PosteriorOptions};
 use quadlift::{LocalizeOptions, MeasurementKind};
 use quadlift_segment::{SegmentMethod, SegmentOptions};
 use rayon::prelude::*;
@@ -189,7 +189,7 @@ fn rows(measured: Measured) -> Vec<MethodRow> {
     // The closed forms take the ellipse where there is one, and that in the box where there is none.
     let closed = |method, setting: &str| MethodRow { setting: setting.to_owned(), ..MethodRow::closed_form(method) };
     let map = |setting: &str, measurements| {
-        let row = MethodRow::map(setting, MapOptions::default());
+        let row = MethodRow::posterior(setting, PosteriorOptions::default());
         MethodRow { options: LocalizeOptions { measurements, ..row.options }, ..row }
     };
     let masks = |row: MethodRow| MethodRow {
@@ -307,14 +307,14 @@ fn table_3d(sets: &[ImageSet], scores: &[Vec<RowScores>]) -> Table {
     }
     table.note(
         "Means over the objects of all scenes, from all of their views. Ellipses and masks are those of `graphcut`, \
-         together with the same boxes; without a reliable mask, the closed forms use the ellipse in the box, `map` \
+         together with the same boxes; without a reliable mask, the closed forms use the ellipse in the box, `posterior` \
          uses the box alone, and with masks the view is skipped. theta_err is over the objects with an ellipsoid: \
-         with `pfd` they are few. `map` takes position and size from a box and the shape from the ellipse beside it; \
-         from a mask, `map` and `planes` use the supporting lines in eight directions; those along x and y of masks that \
+         with `pfd` they are few. `posterior` takes position and size from a box and the shape from the ellipse beside it; \
+         from a mask, `posterior` and `planes` use the supporting lines in eight directions; those along x and y of masks that \
          were found in boxes are the edges of the boxes, and at other objects and at the border a line bounds the object from below.",
     );
     table.note(
-        "If `map` on ellipses is not the best row, the ellipses are the cause: the ellipse of a partly occluded or \
+        "If `posterior` on ellipses is not the best row, the ellipses are the cause: the ellipse of a partly occluded or \
          non-convex object is not the projection of an ellipsoid, and the ellipses of several views are not \
          projections of the same one, even with true masks. They are also smaller than the outline that the boxes \
          touch, so ellipses alone underestimate the size. Supporting lines of a mask are not affected by its shape, \
@@ -338,7 +338,7 @@ fn headlines_masks(errors: &[Vec<ViewErrors>], ids: [&'static str; 2], row: &Mas
 
 fn headlines_3d(set: &ImageSet, rows: &[RowScores]) -> Vec<Headline> {
     let of = |setting: &str, id, measure: Measure| {
-        let row = rows.iter().find(|row| row.row.method == "map" && row.row.setting == setting)?;
+        let row = rows.iter().find(|row| row.row.method == "posterior" && row.row.setting == setting)?;
         let what = format!("{}, {} images, {setting}", measure.name(), set.short);
         Some(Headline { id, what, paper: None, ours: figure(row, measure)?, row: row.row.name(), decimals: 3 })
     };

@@ -5,7 +5,7 @@ use std::path::Path;
 use quadlift::LocalizeOptions;
 use quadlift::geometry::BodyKind;
 use quadlift::scene::Scene;
-use quadlift::solve::{MapOptions, PoseMotion};
+use quadlift::solve::{PoseMotion, PosteriorOptions};
 use quadlift_io::builtin_priors;
 use quadlift_io::scene_file::ObjectBodies;
 
@@ -46,15 +46,15 @@ impl Group {
 
     fn options(self, seed: u64) -> LocalizeOptions {
         let map = match self {
-            Self::Real | Self::Synthetic | Self::Cues => MapOptions::default(),
-            Self::Priors => MapOptions {
+            Self::Real | Self::Synthetic | Self::Cues => PosteriorOptions::default(),
+            Self::Priors => PosteriorOptions {
                 body: Some(BodyKind::Cuboid),
                 priors: builtin_priors(),
                 camera_height: Some(CAMERA_HEIGHT),
                 ..Default::default()
             },
-            Self::RefinedPoses => MapOptions { refine_poses: Some(PoseMotion::Auto), ..Default::default() },
-            Self::LearnedSizes => MapOptions { learn_sizes: true, ..Default::default() },
+            Self::RefinedPoses => PosteriorOptions { refine_poses: Some(PoseMotion::Auto), ..Default::default() },
+            Self::LearnedSizes => PosteriorOptions { learn_sizes: true, ..Default::default() },
         };
         LocalizeOptions { seed, ..map.into() }
     }

@@ -140,7 +140,7 @@ fn change_world(parts: &mut SceneParts, options: &mut LocalizeOptions, world: &W
     for cues in parts.detections.iter_mut().filter_map(|d| d.cues.as_mut()) {
         **cues = cues.scaled(world.scale);
     }
-    if let Some(map) = options.method.map_options_mut() {
+    if let Some(map) = options.method.posterior_options_mut() {
         map.camera_height = map.camera_height.map(|height| height * world.scale);
         for size in map.priors.by_category.values_mut().filter_map(|prior| prior.size.as_mut()) {
             size.mean = size.mean.map(|x| x * world.scale);

@@ -6,7 +6,7 @@ mod synthetic;
 
 use std::path::Path;
 
-use quadlift::solve::MapOptions;
+use quadlift::solve::PosteriorOptions;
 
 use self::real::{Against, RealSet};
 use self::regions::{Coverage, Judged, LEVELS, Part, quantile};
@@ -53,7 +53,7 @@ fn add_real(report: &mut Report, folder: &Path, sets: &[RealSet], seed: u64, ste
     let titles = ["set", "covariance", "objects", "region of"].into_iter().map(str::to_owned).chain(shares);
     let titles = titles.chain(["median", "first quartile", "third quartile"].map(str::to_owned));
     let mut table = Table::new("Real sets: share of the truths inside", titles);
-    let of_noise: &(dyn Fn(&mut MapOptions) + Sync) = &|options| options.common_errors = false;
+    let of_noise: &(dyn Fn(&mut PosteriorOptions) + Sync) = &|options| options.common_errors = false;
     let mut pooled = Vec::new();
     for (name, against, change) in [
         ("noise only", Against::Truth, of_noise),
@@ -73,7 +73,7 @@ fn add_real(report: &mut Report, folder: &Path, sets: &[RealSet], seed: u64, ste
     }
     table.note(
         "\"Noise only\" ignores errors common to the views of an object and differences between objects \
-         (`MapOptions::common_errors`); the estimates are the same. LINEMOD (boxes of YOLO) and LMO (boxes of the \
+         (`PosteriorOptions::common_errors`); the estimates are the same. LINEMOD (boxes of YOLO) and LMO (boxes of the \
          models, of visible masks, of YOLO), options of the program; TUW; KITTI with boxes of RRC and the car prior. \
          The true center of LINEMOD, LMO and TUW is that of the smallest ellipsoid around the object, which differs \
          from the center of its tangent body: on TUW's two bottles by a sixth of their length. \"Against exact \
@@ -82,7 +82,7 @@ fn add_real(report: &mut Report, folder: &Path, sets: &[RealSet], seed: u64, ste
     report.table(table);
     let [noise_only, default, _] = pooled.as_slice() else { return Ok(()) };
     let center = Coverage::of(default, Part::Center);
-    let row = "map";
+    let row = "posterior";
     let figures = [
         ("trust_real_center_95", "share of real centers inside the region of 95 %, per cent", Some(center.inside[2])),
         ("trust_real_center_median", "median squared distance of real centers (2.37 is honest)", Some(center.median)),

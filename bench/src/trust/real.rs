@@ -5,7 +5,7 @@ use std::path::Path;
 
 use quadlift::geometry::{Body, BodyKind};
 use quadlift::metrics::TruthObject;
-use quadlift::solve::{Estimate, MapOptions, Method};
+use quadlift::solve::{Estimate, Method, PosteriorOptions};
 use quadlift::{LocalizeOptions, localize};
 use quadlift_io::builtin_priors;
 use rayon::prelude::*;
@@ -68,7 +68,7 @@ impl RealSet {
         if self.cars {
             options.max_occluded = Some(1.0);
             options.max_truncated = Some(0.0);
-            options.method = Method::Map(MapOptions {
+            options.method = Method::Posterior(PosteriorOptions {
                 body: Some(BodyKind::Cuboid),
                 priors: builtin_priors(),
                 camera_height: Some(CAMERA_HEIGHT),
@@ -91,7 +91,7 @@ impl RealSet {
         seed: u64,
     ) -> Result<BTreeMap<String, Body>, Error> {
         let mut options = self.options(EXACT, seed);
-        options.method.map_options_mut().into_iter().for_each(|map| map.body = body);
+        options.method.posterior_options_mut().into_iter().for_each(|map| map.body = body);
         let localization = localize(&scene.scene, &options)?;
         let named = |e: &Estimate| Some((scene.scene.object_ids[e.object_index].clone(), e.body?));
         Ok(localization.estimates.iter().filter_map(named).collect())
@@ -111,7 +111,7 @@ impl RealSet {
         data: &Path,
         seed: u64,
         against: Against,
-        change: &(dyn Fn(&mut MapOptions) + Sync),
+        change: &(dyn Fn(&mut PosteriorOptions) + Sync),
         steps: &Steps,
     ) -> Result<Vec<Judged>, Error> {
         let of_scene = |(file, source): &(String, &'static str)| -> Result<Vec<Judged>, Error> {
@@ -120,7 +120,7 @@ impl RealSet {
             }
             let scene = TrueScene::read(data, file, file)?;
             let mut options = self.options(source, seed);
-            options.method.map_options_mut().into_iter().for_each(change);
+            options.method.posterior_options_mut().into_iter().for_each(change);
             let localization = localize(&scene.scene, &options)?;
             let exact = match against {
                 Against::Truth => None,

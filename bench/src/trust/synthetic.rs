@@ -1,7 +1,7 @@
 //! Synthetic cells: kinds of measurements, angles between the views, numbers of views.
 
 use quadlift::geometry::BodyKind;
-use quadlift::solve::MapOptions;
+use quadlift::solve::PosteriorOptions;
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
 use quadlift::{LocalizeOptions, localize};
 use rayon::prelude::*;
@@ -64,7 +64,7 @@ pub(super) fn steps(run: &Run) -> usize {
 
 /// The objects of a cell against the truth.
 fn cell(kind: &Kind, span: f64, views: usize, scenes: u64, seed: u64) -> Result<Vec<Judged>, Error> {
-    let map = MapOptions { body: Some(kind.body), ..Default::default() };
+    let map = PosteriorOptions { body: Some(kind.body), ..Default::default() };
     let of_scene = |scene: u64| -> Result<Vec<Judged>, Error> {
         let synthetic = generate(&SyntheticOptions {
             seed: seed.wrapping_mul(1000).wrapping_add(scene),
@@ -132,7 +132,7 @@ pub(super) fn add(report: &mut Report, scenes: u64, run: &Run, steps: &Steps) ->
     for (id, index, level) in [("trust_synthetic_50", 0, 50.0), ("trust_synthetic_90", 1, 90.0)] {
         let off = centers.iter().map(|inside| (inside[index] - level).abs()).fold(0.0, f64::max);
         let what = format!("centers inside {level} %: largest difference over cells with 10 views and more, points");
-        report.headlines.extend(super::headline(id, what, Some(off), "map, ellipsoids"));
+        report.headlines.extend(super::headline(id, what, Some(off), "posterior, ellipsoids"));
     }
     Ok(())
 }

@@ -2,29 +2,10 @@
 
 use quadlift::UnknownName;
 use quadlift::geometry::BodyKind;
-use quadlift_io::scene_file::Detail;
 
 /// Reads a kind of body.
 pub(crate) fn body(text: &str) -> Result<BodyKind, UnknownName> {
     text.parse()
-}
-
-/// How much a result says of each object.
-#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
-pub enum DetailName {
-    /// Everything.
-    Full,
-    /// No covariance, no figures of single views.
-    Brief,
-}
-
-impl From<DetailName> for Detail {
-    fn from(name: DetailName) -> Self {
-        match name {
-            DetailName::Full => Self::Full,
-            DetailName::Brief => Self::Brief,
-        }
-    }
 }
 
 /// Reads a number that is neither NaN nor infinite.

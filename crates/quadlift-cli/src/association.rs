@@ -28,11 +28,11 @@ pub(crate) fn localize_in_words(
         IdPolicy::Ignore => "existing ids are ignored".to_owned(),
     };
     let labels = labels(scene, association);
-    let doubtful: Vec<&str> =
-        association.objects.iter().filter(|o| o.doubtful.is_some()).map(|o| labels.of(&o.id)).collect();
+    let uncertain: Vec<&str> =
+        association.objects.iter().filter(|o| o.uncertain.is_some()).map(|o| labels.of(&o.id)).collect();
     let mut text = format!("detections were associated ({given}): {}", in_words(association));
-    if !doubtful.is_empty() {
-        text.push_str(&format!("\ndoubtful: {}", one_line(&some_of(&doubtful))));
+    if !uncertain.is_empty() {
+        text.push_str(&format!("\nuncertain: {}", one_line(&some_of(&uncertain))));
     }
     text
 }
@@ -46,15 +46,15 @@ pub(crate) fn labels(scene: &Scene, association: &Association) -> Labels {
 /// The result, in one sentence.
 pub(crate) fn in_words(association: &Association) -> String {
     let members = association.object_of_detection.iter().flatten().count();
-    let doubtful = association.objects.iter().filter(|object| object.doubtful.is_some()).count();
+    let uncertain = association.objects.iter().filter(|object| object.uncertain.is_some()).count();
     let mut text = format!(
         "{} assigned to {}; {} unassigned",
         count(members, "detection"),
         count(association.objects.len(), "object"),
         association.clutter
     );
-    if doubtful > 0 {
-        text.push_str(&format!("; {doubtful} doubtful"));
+    if uncertain > 0 {
+        text.push_str(&format!("; {uncertain} uncertain"));
     }
     text + &skipped_in_words(association.skipped)
 }

@@ -99,7 +99,7 @@ pub(crate) fn render(scene: &Scene, localization: &Localization, options: &FileO
     }
     if skipped.without_measurement > 0 {
         let n = count(skipped.without_measurement, "detection");
-        let _ = writeln!(text, "skipped {n} without the measurement that --observations selects");
+        let _ = writeln!(text, "skipped {n} without the measurement that --measurement selects");
     }
     if let Some(noise) = typical_error(localization) {
         let _ = writeln!(text, "{DIM}{noise}{DIM:#}");
@@ -115,9 +115,9 @@ pub(crate) fn render(scene: &Scene, localization: &Localization, options: &FileO
 fn typical_error(localization: &Localization) -> Option<String> {
     let level = |name: &str| localization.noise.get(name);
     let percent = |x: f64| format!("{} %", number(Some(100.0 * x), decimals(100.0 * x, 2)));
-    if let Some(relative) = level("edge_relative") {
+    if let Some(relative) = level("edge_noise") {
         let pixels =
-            level("edge_px").map_or(String::new(), |px| format!(" and {} px", number(Some(px), decimals(px, 2))));
+            level("edge_noise_px").map_or(String::new(), |px| format!(" and {} px", number(Some(px), decimals(px, 2))));
         return Some(format!("typical error of a box edge: {} of the box's half size{pixels}", percent(relative)));
     }
     let (center, size) = (level("ellipse_center")?, level("ellipse_size")?);
@@ -136,7 +136,7 @@ fn agreement(checked: &CrossValidation) -> Option<String> {
     checked.iou().map(|_| format!("boxes predicted from the other views: IoU {iou} with the measured ones ({views})"))
 }
 
-/// The noise levels by their names in results and `--sigmas`; `None` if there are none.
+/// The noise levels by their names in results and `--noise-model`; `None` if there are none.
 pub(crate) fn noise_levels(localization: &Localization) -> Option<String> {
     let levels: Vec<String> = localization.noise_levels().map(|(name, x)| format!("{name} {x:.4}")).collect();
     (!levels.is_empty()).then(|| format!("noise levels: {}", levels.join(", ")))
@@ -269,7 +269,7 @@ fn status_style(status: &str) -> Style {
 fn notes(rows: &[Summary], labels: &Labels, localization: &Localization, options: &FileOptions) -> Vec<String> {
     let mut notes: Vec<(String, Vec<&str>)> = Vec::new();
     for (row, estimate) in rows.iter().zip(&localization.estimates) {
-        let odd = row.cross_validation.as_ref().and_then(|checked| checked.odd_view.as_deref());
+        let odd = row.cross_validation.as_ref().and_then(|checked| checked.suspect_view.as_deref());
         let odd = odd.map(|view| format!("the view {view} contradicts the others"));
         let reason = reason(estimate.status, &options.run.localize.method, options.run.localize.min_views);
         for text in reason.into_iter().chain(row.warnings.iter().cloned()).chain(odd) {

@@ -21,7 +21,7 @@ const LEAST: usize = 46;
 /// The commands under their headings.
 const COMMANDS: [(&str, &[&str]); 5] = [
     ("Estimate", &["localize", "associate", "segment", "stream"]),
-    ("Cameras and maps", &["locate", "align", "calibrate"]),
+    ("Cameras and maps", &["relocalize", "align", "calibrate-rig"]),
     ("Convert", &["import", "export"]),
     ("Inspect", &["info", "evaluate", "view", "render"]),
     ("Start", &["demo", "synth", "completions", "help"]),
@@ -342,7 +342,7 @@ mod tests {
         let (short, long) = (localize.render_help().to_string(), localize.render_long_help().to_string());
         assert!((20..=30).contains(&shown(&short)), "{}: {short}", shown(&short));
         assert!((31..=45).contains(&shown(&long)), "{}: {long}", shown(&long));
-        for name in ["--min-views", "--sigmas", "letterbox=WxH", "--max-pixels"] {
+        for name in ["--min-views", "--noise-model", "letterbox=WxH", "--max-pixels"] {
             assert!(!short.contains(name) && long.contains(name), "{name}");
         }
         for name in ["--method", "--world-object", "--topics"] {

@@ -39,9 +39,9 @@ pub(crate) fn prior_source(name: Option<&Path>) -> PriorSource {
 /// The settings in a few words, with the kind of body that was fitted.
 pub(crate) fn settings_in_words(method: &Method, fitted: Option<BodyKind>) -> String {
     match method {
-        Method::Map(map) => match map.body {
-            Some(body) => format!("method map, body {body}"),
-            None => format!("method map, body {} (auto)", fitted_body_name(fitted)),
+        Method::Posterior(map) => match map.body {
+            Some(body) => format!("method posterior, body {body}"),
+            None => format!("method posterior, body {} (auto)", fitted_body_name(fitted)),
         },
         Method::Reg(reg) => format!("reg, lambda {:e}", reg.lambda),
         method => method.name().to_owned(),

@@ -34,8 +34,8 @@ use std::process::ExitCode;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use commands::{
-    align, associate, calibrate, completions, demo, evaluate, export, import, info, localize, locate, man, render,
-    segment, stream, synth, view,
+    align, associate, calibrate_rig, completions, demo, evaluate, export, import, info, localize, man, relocalize,
+    render, segment, stream, synth, view,
 };
 use error::Outcome;
 use output::Output;
@@ -92,9 +92,9 @@ enum Command {
     Segment(segment::Args),
     Associate(associate::Args),
     Localize(Box<localize::Args>),
-    Locate(locate::Args),
+    Relocalize(relocalize::Args),
     Align(align::Args),
-    Calibrate(calibrate::Args),
+    CalibrateRig(calibrate_rig::Args),
     Stream(Box<stream::Args>),
     Evaluate(evaluate::Args),
     View(view::Args),
@@ -146,9 +146,9 @@ fn run(command: Command, out: &Output) -> anyhow::Result<Outcome> {
         Command::Segment(args) => segment::run(&args, out),
         Command::Associate(args) => associate::run(&args, out),
         Command::Localize(args) => localize::run(&args, out),
-        Command::Locate(args) => locate::run(&args, out),
+        Command::Relocalize(args) => relocalize::run(&args, out),
         Command::Align(args) => align::run(&args, out),
-        Command::Calibrate(args) => calibrate::run(&args, out),
+        Command::CalibrateRig(args) => calibrate_rig::run(&args, out),
         Command::Stream(args) => stream::run(&args, out),
         Command::Evaluate(args) => evaluate::run(&args, out),
         Command::View(args) => view::run(&args, out),

@@ -13,7 +13,7 @@ use crate::error::usage;
 const OUTPUTS: [&str; 3] = ["output", "report", "views"];
 
 /// Outputs of `quadlift synth` alone; elsewhere a truth is read.
-const OUTPUTS_OF_SYNTH: [&str; 1] = ["truth"];
+const OUTPUTS_OF_SYNTH: [&str; 1] = ["ground_truth"];
 
 /// Outputs of `quadlift stream` alone. The state may be read as well, before it is written.
 const OUTPUTS_OF_STREAM: [&str; 3] = ["map", "state", "rerun"];

@@ -6,7 +6,7 @@
 
 use std::path::PathBuf;
 
-use quadlift::solve::MapOptions;
+use quadlift::solve::PosteriorOptions;
 use quadlift::{LocalizeOptions, localize};
 use quadlift_io::{builtin_priors, estimates_to_objects, read_scene_file, write_scene_file};
 
@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // Mistakes in the file are reported with its name and the entry.
     let scene = file.to_scene().map_err(|error| error.in_file(&input))?;
 
-    let options = LocalizeOptions::from(MapOptions { priors: builtin_priors(), ..Default::default() });
+    let options = LocalizeOptions::from(PosteriorOptions { priors: builtin_priors(), ..Default::default() });
     let result = localize(&scene, &options)?;
     for estimate in &result.estimates {
         println!("{}: {}", scene.object_ids[estimate.object_index], estimate.status.name());

@@ -16,7 +16,7 @@ pub fn write_objects(detections: &mut [DetectionRecord], associated: &Scene) {
     }
 }
 
-/// Adds an association to a result: the detections with their object ids, and warnings of doubtful objects.
+/// Adds an association to a result: the detections with their object ids, and warnings of uncertain objects.
 /// `detections` are those of the associated file.
 pub fn add_to_result(
     result: &mut SceneFile,
@@ -33,9 +33,9 @@ pub fn add_to_result(
         (record.mask, record.segmentation) = (None, None);
     }
     let doubts: HashMap<&str, &str> =
-        association.objects.iter().filter_map(|o| Some((o.id.as_str(), o.doubtful?.text()))).collect();
+        association.objects.iter().filter_map(|o| Some((o.id.as_str(), o.uncertain?.text()))).collect();
     for object in &mut result.objects {
-        object.warnings.extend(doubts.get(object.id.as_str()).map(|doubt| format!("doubtful: {doubt}")));
+        object.warnings.extend(doubts.get(object.id.as_str()).map(|doubt| format!("uncertain: {doubt}")));
     }
 }
 
@@ -48,13 +48,13 @@ pub struct AssociationRecord {
     /// Number of unassigned detections.
     pub clutter: usize,
     /// Standard deviation of box edges relative to the mean half size of the box.
-    pub edge_sd: f64,
+    pub edge_noise: f64,
     /// Standard deviation of the shifts of whole frames, pixels.
     pub frame_shift_sd_px: f64,
     /// The objects, in the order of their first detections.
     pub objects: Vec<AssociatedObjectRecord>,
     /// The size-independent part of the standard deviation of box edges, pixels.
-    pub pixel_sd: f64,
+    pub edge_noise_px: f64,
     /// The detections that took no part.
     pub skipped: NotAssociatedRecord,
 }
@@ -68,7 +68,7 @@ pub struct AssociatedObjectRecord {
     pub category: Option<String>,
     /// Why it may not be one standing object, in words.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub doubtful: Option<String>,
+    pub uncertain: Option<String>,
     /// Evidence that its detections show it instead of clutter (nats).
     pub evidence: Option<f64>,
     /// Number of frames in which it should be detected.
@@ -98,10 +98,10 @@ impl AssociationRecord {
         Self {
             associated: association.object_of_detection.iter().flatten().count(),
             clutter: association.clutter,
-            edge_sd: association.edge_sd,
+            edge_noise: association.edge_noise,
             frame_shift_sd_px: association.frame_shift_sd,
             objects: association.objects.iter().map(|object| AssociatedObjectRecord::of(scene, object)).collect(),
-            pixel_sd: association.pixel_sd,
+            edge_noise_px: association.edge_noise_px,
             skipped: NotAssociatedRecord { duplicate, low_score, other_source },
         }
     }
@@ -111,7 +111,7 @@ impl AssociatedObjectRecord {
     fn of(scene: &Scene, object: &AssociatedObject) -> Self {
         Self {
             category: object.category_index.map(|category| scene.categories[category as usize].clone()),
-            doubtful: object.doubtful.map(|doubt| doubt.text().to_owned()),
+            uncertain: object.uncertain.map(|doubt| doubt.text().to_owned()),
             evidence: object.evidence,
             expected_views: object.expected_views,
             id: object.id.clone(),

@@ -10,7 +10,7 @@ use crate::correct::RecordCorrection;
 use crate::correct::assume::{option_of, short};
 use crate::correct::usual_width;
 use crate::scene_file::SceneFile;
-use crate::wording::some_of;
+use crate::wording::{count, some_of};
 
 /// What is known about a scene file when its mistakes are reported.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -225,6 +225,9 @@ impl CauseRecord {
         if self.frames.is_empty() {
             return mistake;
         }
+        if self.name == CauseName::CameraOffset {
+            return format!("{mistake} ({})", some_of(&self.frames));
+        }
         let share = 100.0 * self.value.unwrap_or_default();
         format!("in {:.0} % of the frames ({}) {mistake}", share, some_of(&self.frames))
     }
@@ -338,6 +341,7 @@ pub fn mistake_in_words(name: CauseName, parameter: Option<f64>, correction: Opt
                 "the boxes were measured in pictures that are {turn} against the cameras', as by their EXIF orientation"
             )
         }
+        CauseName::CameraOffset => camera_offset(parameter.unwrap_or_default()),
         CauseName::ContradictingFrames => "the boxes contradict those of the other frames".to_owned(),
         CauseName::EdgeNoise => format!(
             "the objects do not explain the boxes: their edges are off by {:.0} % of the half size; poses, boxes, depths or ids contradict \
@@ -386,9 +390,18 @@ fn box_format(correction: Option<Correction>) -> &'static str {
     }
 }
 
+fn camera_offset(steps: f64) -> String {
+    let (n, way) = of_own(steps, "time step");
+    format!("the detections of one camera of the rig are assigned to frames {n} {way} than their own")
+}
+
+/// How much earlier or later detections are assigned than where they belong.
+fn of_own(offset: f64, thing: &str) -> (String, &'static str) {
+    (count(offset.abs() as usize, thing), if offset > 0.0 { "earlier" } else { "later" })
+}
+
 fn frame_offset(frames: f64) -> String {
-    let (n, way) = (frames.abs(), if frames > 0.0 { "earlier" } else { "later" });
-    let frames = if n == 1.0 { "1 frame".to_owned() } else { format!("{n} frames") };
+    let (frames, way) = of_own(frames, "frame");
     format!("the frame order is off by {frames}: the detections are assigned to frames {frames} {way} than their own")
 }
 

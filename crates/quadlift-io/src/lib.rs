@@ -1,7 +1,7 @@
 //! File input and output of quadlift: the scene file ([`scene_file`]), the file of size priors ([`priors`]), other programs'
 //! formats in ([`read`]) and out ([`mod@write`]), scenes as Parquet tables (`tables`, feature
 //! `parquet`), and what the program and the Python package do with files: [`association`], [`evaluation`], [`calibration`],
-//! [`segmentation`], [`locate`], [`align`], [`calibrate`].
+//! [`segmentation`], [`relocalize`], [`align`], [`calibrate-rig`].
 //!
 //! Readers reject invalid input with a [`ReadError`] that names the file, the place in it, what was found and what
 //! was expected. Writers that fail leave the existing file unchanged.
@@ -26,13 +26,13 @@ pub mod priors;
 pub mod problems;
 pub mod scene_file;
 pub mod association;
-pub mod calibration;
+pub mod coverage;
 pub mod correct;
 pub mod diagnosis;
 pub mod evaluation;
-mod instants;
-pub mod locate;
-pub mod calibrate;
+mod time_steps;
+pub mod relocalize;
+pub mod calibrate_rig;
 pub mod options;
 pub mod read;
 pub mod segmentation;

@@ -44,10 +44,14 @@ pub fn option_value(json: &Value) -> Option<OptionValue> {
 ///
 /// # Errors
 /// A text that names the option.
-pub fn check_needs_map(run: &RunOptions, name: &str, spelling: Spelling) -> Result<(), String> {
-    match run.localize.method.map_options() {
+pub fn check_needs_posterior(run: &RunOptions, name: &str, spelling: Spelling) -> Result<(), String> {
+    match run.localize.method.posterior_options() {
         Some(_) => Ok(()),
-        None => Err(format!("{} is an option of {} only", spelling.option(name), spelling.with_value("method", "map"))),
+        None => Err(format!(
+            "{} is an option of {} only",
+            spelling.option(name),
+            spelling.with_value("method", "posterior")
+        )),
     }
 }
 

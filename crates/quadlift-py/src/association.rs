@@ -23,7 +23,7 @@ pub(crate) struct AssociateKeywords {
     min_views: usize,
     min_score: Option<f64>,
     max_overlap: Option<f64>,
-    pixel_sd: Option<f64>,
+    edge_noise_px: Option<f64>,
     priors: Option<String>,
     priors_text: Option<String>,
 }
@@ -39,7 +39,7 @@ impl AssociateKeywords {
             min_views: self.min_views,
             min_score: self.min_score,
             max_overlap: self.max_overlap,
-            pixel_sd: self.pixel_sd,
+            edge_noise_px: self.edge_noise_px,
             priors,
             ..Default::default()
         };

@@ -11,7 +11,7 @@ use quadlift::Localization;
 use quadlift::association::Association;
 use quadlift::cross_validation::{Extent, ObjectCrossValidation};
 use quadlift::geometry::{Body, quaternion_from_rotation};
-use quadlift::locate::{Landmark, LandmarkMap, LocateOptions};
+use quadlift::relocalize::{Landmark, LandmarkMap, LocateOptions};
 use quadlift::scene::Scene;
 use quadlift::solve::{Alternative, Estimate, Rejection};
 use quadlift_io::SceneFile;
@@ -24,8 +24,8 @@ use serde_json::json;
 use crate::association::in_words;
 use crate::error::refuse;
 use crate::loaded::Loaded;
-use crate::locate::{LocateQuery, location};
 use crate::recording::recorded;
+use crate::relocalize::{LocateQuery, location};
 use crate::render::{Drawing, render};
 use crate::run::{Ticker, on_threads};
 use crate::scene::PyScene;
@@ -87,7 +87,7 @@ impl PyLocalized {
         let id = &self.scene().object_ids[estimate.object_index];
         // The objects that were found come first, in their order.
         let found = self.association()?.objects.get(estimate.object_index)?;
-        found.doubtful.filter(|_| found.id == *id).map(|doubt| doubt.text())
+        found.uncertain.filter(|_| found.id == *id).map(|doubt| doubt.text())
     }
 }
 
@@ -103,10 +103,10 @@ impl PyLocalized {
         dict.set_item("categories", estimates.iter().map(category).collect::<Vec<_>>())?;
         dict.set_item("status", estimates.iter().map(|e| e.status.name()).collect::<Vec<_>>())?;
         let warnings = |e: &Estimate| {
-            let doubt = self.doubt(e).map(|doubt| format!("doubtful: {doubt}"));
+            let doubt = self.doubt(e).map(|doubt| format!("uncertain: {doubt}"));
             e.warnings.iter().map(ToString::to_string).chain(doubt).collect::<Vec<_>>()
         };
-        dict.set_item("doubtful", estimates.iter().map(|e| self.doubt(e)).collect::<Vec<_>>())?;
+        dict.set_item("uncertain", estimates.iter().map(|e| self.doubt(e)).collect::<Vec<_>>())?;
         dict.set_item("warnings", estimates.iter().map(warnings).collect::<Vec<_>>())?;
         let coordinates = |e: &Estimate| e.covariance.map(|covariance| coordinates_name(covariance.coordinates));
         dict.set_item("covariance_coordinates", estimates.iter().map(coordinates).collect::<Vec<_>>())?;
@@ -149,16 +149,20 @@ impl PyLocalized {
             to.extend_from_slice(e.covariance.as_ref().map_or(&[], |c| c.matrix.as_slice()))
         })?;
         rows("center_sd", 1, &|e, to| to.extend(e.center_sd()))?;
-        rows("misfit_deviations", 1, &|e, to| to.extend(e.misfit.map(|misfit| misfit.deviations)))?;
-        rows("misfits", 1, &|e, to| to.extend(e.misfit.map(|misfit| misfit.relative)))?;
+        rows("normalized_residuals", 1, &|e, to| {
+            to.extend(e.goodness_of_fit.map(|goodness_of_fit| goodness_of_fit.normalized_residual))
+        })?;
+        rows("relative_residuals", 1, &|e, to| {
+            to.extend(e.goodness_of_fit.map(|goodness_of_fit| goodness_of_fit.relative_residual))
+        })?;
         dict.set_item("alternatives", estimates.iter().map(alternatives).collect::<Vec<_>>())?;
         rows("residuals_px", 1, &|e, to| to.extend(e.rms_residual_px()))?;
         let checked = &self.localization().cross_validation;
         let of_object = |index| checked.of_estimate(index).filter(|_| checked.extent == Extent::All);
         let ious = (0..estimates.len()).map(|k| of_object(k).and_then(ObjectCrossValidation::iou).unwrap_or(f64::NAN));
         dict.set_item("predicted_ious", PyArray1::from_vec(py, ious.collect()))?;
-        let odd = |k| Some(self.scene().frames.get(of_object(k)?.odd_view()?.frame_index)?.id.as_str());
-        dict.set_item("odd_views", (0..estimates.len()).map(odd).collect::<Vec<_>>())?;
+        let odd = |k| Some(self.scene().frames.get(of_object(k)?.suspect_view()?.frame_index)?.id.as_str());
+        dict.set_item("suspect_views", (0..estimates.len()).map(odd).collect::<Vec<_>>())?;
         let views: Vec<i64> = estimates.iter().map(|e| e.views_used() as i64).collect();
         dict.set_item("views_used", PyArray1::from_vec(py, views))?;
         self.set_detections(py, &dict)?;
@@ -166,7 +170,7 @@ impl PyLocalized {
     }
 
     /// The camera of an image in the map that the estimates are, and the ids of the objects that it names by their positions.
-    fn locate<'py>(&self, py: Python<'py>, query: LocateQuery) -> PyResult<(Bound<'py, PyDict>, Vec<&str>)> {
+    fn relocalize<'py>(&self, py: Python<'py>, query: LocateQuery) -> PyResult<(Bound<'py, PyDict>, Vec<&str>)> {
         let scene = self.scene();
         let landmark = |estimate: &Estimate| {
             let category = estimate.category_index.map(|index| scene.categories[index].clone());
@@ -177,7 +181,7 @@ impl PyLocalized {
             self.localization().estimates.iter().filter_map(landmark).unzip();
         let rows: Vec<usize> = (0..ids.len()).collect();
         let (boxes, options) = (query.query()?, query.options(LocateOptions::with_noise_of(self.localization()))?);
-        let located = py.detach(|| LandmarkMap::new(landmarks).locate(&boxes, &options));
+        let located = py.detach(|| LandmarkMap::new(landmarks).relocalize(&boxes, &options));
         Ok((location(py, &located, boxes.boxes.len(), &rows)?, ids))
     }
 
@@ -285,11 +289,11 @@ impl PyLocalized {
             objects.push(row);
             inliers.push(view.is_some_and(|view| view.inlier));
             residuals.push(view.and_then(|view| view.residual_px).unwrap_or(f64::NAN));
-            rejections.push(view.and_then(|view| view.rejected_because).map(Rejection::name));
+            rejections.push(view.and_then(|view| view.rejection_reason).map(Rejection::name));
         }
         dict.set_item("object_indices", PyArray1::from_vec(py, objects))?;
         dict.set_item("inliers", PyArray1::from_vec(py, inliers))?;
-        dict.set_item("rejected_because", rejections)?;
+        dict.set_item("rejection_reason", rejections)?;
         dict.set_item("detection_residuals_px", PyArray1::from_vec(py, residuals))
     }
 }

@@ -24,8 +24,8 @@ use crate::error::refuse;
 use crate::live::Live;
 use crate::loaded::Loaded;
 use crate::localized::{PyLocalized, localized};
-use crate::locate::{LocateQuery, location};
 use crate::options::{LocalizeKeywords, named, read_priors};
+use crate::relocalize::{LocateQuery, location};
 use crate::run::in_background;
 
 /// The name of pickled bytes in messages.
@@ -63,7 +63,7 @@ pub(crate) struct MapKeywords {
     ids: String,
     min_views: usize,
     min_score: Option<f64>,
-    pixel_sd: Option<f64>,
+    edge_noise_px: Option<f64>,
     /// "builtin" or a path.
     priors: Option<String>,
     /// The text of a file of priors, in the place of a path.
@@ -195,7 +195,7 @@ impl PyObjectMap {
             ids: named("ids", &keywords.ids)?,
             min_views: keywords.min_views,
             min_score: keywords.min_score,
-            pixel_sd: keywords.pixel_sd,
+            edge_noise_px: keywords.edge_noise_px,
             priors,
             max_views: keywords.max_views,
             max_objects: keywords.max_objects,
@@ -248,10 +248,10 @@ impl PyObjectMap {
     }
 
     /// The camera of an image in the map, and the ids that its objects are indices into.
-    fn locate<'py>(&self, py: Python<'py>, query: LocateQuery) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
+    fn relocalize<'py>(&self, py: Python<'py>, query: LocateQuery) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
         let (boxes, of_map) = (query.query()?, self.read(py, ObjectMap::locate_options)?);
         let options = query.options(of_map)?;
-        let found = self.read(py, |map| map.locate(&boxes, &options))?;
+        let found = self.read(py, |map| map.relocalize(&boxes, &options))?;
         let rows: Vec<usize> = (0..found.ids.len()).collect();
         let ids = found.ids.iter().map(ToString::to_string).collect();
         Ok((location(py, &found.located, boxes.boxes.len(), &rows)?, ids))

@@ -9,8 +9,8 @@ use quadlift::UnknownName;
 use quadlift::options::{Spelling, Value, set_options};
 use quadlift::run::{RUN, RunOptions};
 use quadlift::solve::CategoryPriors;
-use quadlift_io::calibration::{CalibrationRecord, ResultAndTruth, calibrate};
-use quadlift_io::options::check_needs_map;
+use quadlift_io::coverage::{CoverageRecord, ResultAndTruth, coverage};
+use quadlift_io::options::check_needs_posterior;
 use quadlift_io::priors::check_meters;
 use quadlift_io::run::{FileOptions, PriorSource};
 
@@ -56,7 +56,7 @@ pub(crate) struct LocalizeKeywords {
     /// The text of a file of priors, in the place of a path.
     priors_text: Option<String>,
     /// Results and their truths.
-    calibration: Vec<(Py<PyScene>, Py<PyScene>)>,
+    coverage: Vec<(Py<PyScene>, Py<PyScene>)>,
 }
 
 impl LocalizeKeywords {
@@ -66,21 +66,19 @@ impl LocalizeKeywords {
             self.run.iter().map(|(name, value)| (name.as_str(), value.clone().into())).collect();
         let mut run = RunOptions::default();
         set_options(RUN, &given, &mut run, Spelling::Keyword).map_err(refuse)?;
-        let of_map = [
-            ("priors", self.priors.is_some() || self.priors_text.is_some()),
-            ("calibration", !self.calibration.is_empty()),
-        ];
-        for (name, _) in of_map.into_iter().filter(|(_, is_given)| *is_given) {
-            check_needs_map(&run, name, Spelling::Keyword).map_err(refuse)?;
+        let of_posterior =
+            [("priors", self.priors.is_some() || self.priors_text.is_some()), ("coverage", !self.coverage.is_empty())];
+        for (name, _) in of_posterior.into_iter().filter(|(_, is_given)| *is_given) {
+            check_needs_posterior(&run, name, Spelling::Keyword).map_err(refuse)?;
         }
         let priors = prior_source(self.priors.as_deref(), self.priors_text.as_deref());
         let options = FileOptions::new(run, priors).map_err(refuse)?;
-        Ok(FileOptions { calibration: self.calibration()?, ..options })
+        Ok(FileOptions { coverage: self.coverage()?, ..options })
     }
 
-    /// As `--calibration` of the program.
-    fn calibration(&self) -> PyResult<Option<CalibrationRecord>> {
-        if self.calibration.is_empty() {
+    /// As `--coverage` of the program.
+    fn coverage(&self) -> PyResult<Option<CoverageRecord>> {
+        if self.coverage.is_empty() {
             return Ok(None);
         }
         let name = |scene: &PyScene, otherwise: &str| match (&*scene.loaded.path, scene.loaded.scene.name.as_str()) {
@@ -89,19 +87,19 @@ impl LocalizeKeywords {
             (_, name) => name.into(),
         };
         let names: Vec<[PathBuf; 2]> = self
-            .calibration
+            .coverage
             .iter()
             .map(|(result, truth)| [name(result.get(), "result"), name(truth.get(), "truth")])
             .collect();
-        let pairs = self.calibration.iter().zip(&names);
+        let pairs = self.coverage.iter().zip(&names);
         let pairs: Vec<ResultAndTruth> = pairs
             .map(|((result, truth), [of_result, of_truth])| {
                 [(&**of_result, &**result.get().loaded.file()), (&**of_truth, &**truth.get().loaded.file())]
             })
             .collect();
-        let calibration = calibrate(&pairs).map_err(|error| refuse(format!("calibration: {error}")))?;
+        let found = coverage(&pairs).map_err(|error| refuse(format!("coverage: {error}")))?;
         let names: Vec<[&Path; 2]> = names.iter().map(|[result, truth]| [&**result, &**truth]).collect();
-        Ok(Some(CalibrationRecord::of(&calibration, &names)))
+        Ok(Some(CoverageRecord::of(&found, &names)))
     }
 }
 

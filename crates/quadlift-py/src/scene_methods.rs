@@ -33,7 +33,7 @@ use crate::run::{Ticker, in_background, on_threads};
 use crate::scene::PyScene;
 use crate::segmentation::SegmentKeywords;
 
-/// An associated object: its id, its evidence, and why it is doubtful.
+/// An associated object: its id, its evidence, and why it is uncertain.
 type Found = (String, Option<f64>, Option<&'static str>);
 
 /// Where the scale between two maps comes from.
@@ -232,7 +232,7 @@ impl PyScene {
         // The true objects, if the scene has any, have other ids.
         file.objects = Vec::new();
         let objects = association.objects.into_iter();
-        let objects = objects.map(|o| (o.id, o.evidence, o.doubtful.map(|doubt| doubt.text()))).collect();
+        let objects = objects.map(|o| (o.id, o.evidence, o.uncertain.map(|doubt| doubt.text()))).collect();
         Ok((Self::new(file, self.loaded.path.clone())?, objects))
     }
 
@@ -259,6 +259,7 @@ impl PyScene {
             None => serde_json::Value::Null,
             Some(Contradiction::Scale { .. }) => "scale".into(),
             Some(Contradiction::Up) => "up".into(),
+            Some(Contradiction::Mirrored) => "mirrored".into(),
         };
         let (AlignStatus::Ok, Some(best)) = (found.status, found.transforms.first()) else {
             return Ok((record.to_string(), None));

@@ -137,13 +137,13 @@ pub struct ReportObject {
     /// Root mean square residual of the used views in pixels.
     pub residual: Option<f64>,
     /// The same per degree of freedom, relative to the half size of the boxes.
-    pub misfit: Option<f64>,
+    pub relative_residual: Option<f64>,
     /// The same in standard deviations of the scene's noise.
-    pub misfit_deviations: Option<f64>,
+    pub normalized_residual: Option<f64>,
     /// Mean IoU of the boxes that its other views predict for each of its views, and the measured ones.
     pub predicted_iou: Option<f64>,
     /// Id of the frame whose detection the other views contradict.
-    pub odd_view: Option<String>,
+    pub suspect_view: Option<String>,
     /// Warnings, as text.
     pub warnings: Vec<String>,
 }

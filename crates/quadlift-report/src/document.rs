@@ -202,11 +202,11 @@ impl ReportDetections {
         // A view of an object that could not be solved has not been used, and not been rejected either.
         let state = |view: &ViewRecord| match view.inlier {
             true => 1,
-            false if view.rejected_because.is_some() || view.residual_px.is_some() => 2,
+            false if view.rejection_reason.is_some() || view.residual_px.is_some() => 2,
             false => 0,
         };
         self.state.push(view.map_or(0, state));
-        if let Some(reason) = view.and_then(|view| view.rejected_because.as_ref()) {
+        if let Some(reason) = view.and_then(|view| view.rejection_reason.as_ref()) {
             self.rejections.push((self.object.len() - 1, reason.clone()));
         }
         self.residual.push(view.and_then(|view| view.residual_px).map(|x| (100.0 * x).round() / 100.0));
@@ -298,7 +298,7 @@ mod tests {
 
     #[test]
     fn detections_of_the_source_are_joined_with_what_the_estimate_says_of_them() {
-        let views = json!([{ "frame": "0", "inlier": false, "residual_px": 7.0, "rejected_because": "residual" }, { "frame": "2", "inlier": true }]);
+        let views = json!([{ "frame": "0", "inlier": false, "residual_px": 7.0, "rejection_reason": "residual" }, { "frame": "2", "inlier": true }]);
         let file = estimate(json!({ "id": "cup", "status": "degenerate", "view_residuals_px": views }));
         let report = report(&content(&scene(3), &file)).unwrap();
         let states: Vec<&[u8]> = report.frames.iter().map(|frame| &*frame.detections.state).collect();
@@ -374,10 +374,10 @@ mod tests {
         let cuboid = |turn: [f64; 4]| json!({ "center": [0, 0, 5], "half_extents": [2, 1, 1], "rotation": turn });
         let fields = json!({ "id": "cup", "status": "ok", "cuboid": cuboid([1.0, 0.0, 0.0, 0.0]),
             "alternatives": [{ "cuboid": cuboid([0.6, 0.0, 0.0, 0.8]), "log_odds": -0.7 }],
-            "misfit": { "deviations": 1.5, "relative": 0.03 } });
+            "goodness_of_fit": { "normalized_residual": 1.5, "relative_residual": 0.03 } });
         let report = report(&content(&scene(1), &estimate(fields.clone()))).unwrap();
         let object = &report.objects[0];
-        assert_eq!((object.misfit, object.misfit_deviations), (Some(0.03), Some(1.5)));
+        assert_eq!((object.relative_residual, object.normalized_residual), (Some(0.03), Some(1.5)));
         let other = &object.alternatives[0];
         assert_eq!((other.body.kind, other.body.rotation[3], other.log_odds), ("cuboid", 0.8, -0.7));
         // Invalid bodies are rejected like those of the estimate.
@@ -400,7 +400,7 @@ mod tests {
         let (size, words) = shown(&file);
         assert!((size - 7.8147).abs() < 1e-4 && words.contains("not calibrated"), "{size} {words}");
         let mut calibrated = |limit: serde_json::Value| {
-            file.localization.as_mut().unwrap()["calibration"] = json!({ "objects": 30, "results": ["old.json"],
+            file.localization.as_mut().unwrap()["coverage"] = json!({ "objects": 30, "results": ["old.json"],
                 "truths": ["truth.json"], "squared_distance": { "center": { "0.95": limit } } });
             shown(&file)
         };

@@ -111,13 +111,13 @@ impl Objects {
         object.enclosing = bodies.enclosing_body().as_ref().map(Into::into);
         let alternative = |(body, log_odds): &(Body, f64)| ReportAlternative { body: body.into(), log_odds: *log_odds };
         object.alternatives = others.iter().map(alternative).collect();
-        object.misfit = record.misfit.as_ref().map(|misfit| misfit.relative);
-        object.misfit_deviations = record.misfit.as_ref().map(|misfit| misfit.deviations);
+        object.relative_residual = record.goodness_of_fit.as_ref().map(|fit| fit.relative_residual);
+        object.normalized_residual = record.goodness_of_fit.as_ref().map(|fit| fit.normalized_residual);
         object.views_rejected = record.views_rejected.len();
         object.views_used = record.views_used.unwrap_or(0);
         object.residual = record.residual_px;
         object.predicted_iou = record.cross_validation.as_ref().map(|checked| checked.iou);
-        object.odd_view = record.cross_validation.as_ref().and_then(|checked| checked.odd_view.clone());
+        object.suspect_view = record.cross_validation.as_ref().and_then(|checked| checked.suspect_view.clone());
         object.warnings = record.warnings.clone();
     }
 

@@ -1,7 +1,7 @@
 //! The run of a result (`localization` in the file): settings, and notes in sentences.
 
 use quadlift_io::association::AssociationRecord;
-use quadlift_io::calibration::CalibrationRecord;
+use quadlift_io::coverage::CoverageRecord;
 use quadlift_io::diagnosis::DiagnosisRecord;
 use quadlift_io::run::{CueScaleRecord, RunRecord, SceneCrossValidationRecord, SkippedRecord};
 use serde_json::Value;
@@ -52,8 +52,8 @@ pub(crate) fn run_overview(run: &RunRecord) -> Vec<(String, String)> {
         }
         None => {}
     }
-    if let Some(&noise) = run.noise.get("edge_relative") {
-        let pixels = run.noise.get("edge_px").map_or(String::new(), |x| format!(", or {x:.2} px"));
+    if let Some(&noise) = run.noise.get("edge_noise") {
+        let pixels = run.noise.get("edge_noise_px").map_or(String::new(), |x| format!(", or {x:.2} px"));
         say("noise of box edges", format!("{} of the box's half size{pixels}", percent(noise)));
     }
     for scale in &run.cue_scales {
@@ -100,8 +100,8 @@ pub(crate) fn center_limit(run: &RunRecord) -> f64 {
 
 /// The meaning of the 95 % region of a center, in sentences.
 pub(crate) fn run_region(run: &RunRecord) -> String {
-    match (&run.calibration, calibrated_limit(run)) {
-        (Some(CalibrationRecord { objects, results, .. }), Some(limit)) => format!(
+    match (&run.coverage, calibrated_limit(run)) {
+        (Some(CoverageRecord { objects, results, .. }), Some(limit)) => format!(
             "Region of 95 %, calibrated on {objects} objects of {}: the center of the tangent body of a \
              similar object lies inside with a probability of at least 95 % (squared distance {limit:.2}, without \
              calibration {CHI2_95:.2}).",
@@ -109,7 +109,7 @@ pub(crate) fn run_region(run: &RunRecord) -> String {
         ),
         (calibration, _) => {
             let why = match calibration {
-                Some(CalibrationRecord { objects, .. }) => {
+                Some(CoverageRecord { objects, .. }) => {
                     format!("not calibrated, since {objects} objects with ground truth are too few for 95 %")
                 }
                 None => "not calibrated against ground truth".to_owned(),
@@ -124,7 +124,7 @@ pub(crate) fn run_region(run: &RunRecord) -> String {
 }
 
 fn calibrated_limit(run: &RunRecord) -> Option<f64> {
-    run.calibration.as_ref()?.squared_distance.center.p95.filter(|x| *x > 0.0)
+    run.coverage.as_ref()?.squared_distance.center.p95.filter(|x| *x > 0.0)
 }
 
 /// Corrections and skipped detections, in sentences.
@@ -175,7 +175,7 @@ mod tests {
         let of = |run: Value| run_overview(&record(run));
         let told = of(json!({
             "diagnosis": {"consistent": true, "score": 0.0294, "causes": []},
-            "noise": {"edge_relative": 0.123, "edge_px": 3.456},
+            "noise": {"edge_noise": 0.123, "edge_noise_px": 3.456},
             "cue_scales": [
                 {"source": "net", "quantity": "depth", "factor": 1.0923, "log_sd": 0.002},
                 {"source": "near", "quantity": "depth", "factor": 1.1, "log_sd": 0.01, "shift": -0.98, "shift_sd": 0.05},

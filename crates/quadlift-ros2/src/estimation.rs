@@ -17,7 +17,7 @@ use quadlift_io::{ReadError, SceneFile};
 use crate::bytes::Bytes;
 use crate::options::Options;
 
-/// A map at an instant, to be estimated on any thread.
+/// A map at a time step, to be estimated on any thread.
 #[derive(Debug, Clone)]
 pub struct Snapshot {
     input: Result<FileInput, ReadError>,
@@ -96,7 +96,7 @@ pub fn text_message(text: &str) -> Bytes {
 /// The objects as a scene file without frames and detections.
 fn objects_json(result: &SceneFile) -> Result<String, String> {
     let mut objects = result.objects.clone();
-    objects.iter_mut().for_each(|object| Detail::Brief.apply(object));
+    objects.iter_mut().for_each(|object| Detail::Compact.apply(object));
     let brief = SceneFile {
         length_unit: result.length_unit.clone(),
         up: result.up,

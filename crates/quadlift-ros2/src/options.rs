@@ -84,7 +84,7 @@ impl Options {
         };
         let mut run = RunOptions { associate: AssociateWhen::Never, ..RunOptions::default() };
         set_options(RUN, &parameters.chosen(RUN), &mut run, Spelling::Parameter)?;
-        let pose_noise = run.localize.method.map_options().and_then(|map| map.pose_noise);
+        let pose_noise = run.localize.method.posterior_options().and_then(|map| map.pose_noise);
         let estimates = FileOptions::new(run, priors).map_err(|error| error.to_string())?;
         let mut map = OnlineOptions { priors: estimates.category_priors(), ..OnlineOptions::default() };
         set_options(ONLINE, &parameters.chosen(ONLINE), &mut map, Spelling::Parameter)?;

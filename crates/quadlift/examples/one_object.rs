@@ -7,7 +7,7 @@
 use quadlift::geometry::{BodyKind, BoundingBox, CamFromWorld, Intrinsics, Projection};
 use quadlift::nalgebra::Matrix3x4;
 use quadlift::scene::View;
-use quadlift::solve::{Estimator, MapOptions, Method};
+use quadlift::solve::{Estimator, Method, PosteriorOptions};
 
 /// The rows of `[R | t]`, world to camera (x right, y down, z forward), and the box `x0, y0, x1, y1` in pixels.
 const VIEWS: [([f64; 12], [f64; 4]); 4] = [
@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         views.push(View::from_box(projection, BoundingBox::new(edges)?).with_image_size(640.0, 480.0));
     }
 
-    let map = MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
+    let map = PosteriorOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
     for method in [Method::from(map), Method::Planes] {
         let name = method.name();
         let estimate = Estimator::new(method)?.fit(&views);

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use crate::association::IdPolicy;
 use crate::geometry::BodyKind;
 use crate::localize::MeasurementKind;
-use crate::solve::{MapOptions, Method, PoseMotion, RegOptions};
+use crate::solve::{Method, PoseMotion, PosteriorOptions, RegOptions};
 
 /// A name that stands for none of the choices.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -26,12 +26,12 @@ pub(crate) fn unknown(found: &str, what: &'static str, expected: &'static [&'sta
 
 impl Method {
     /// The names of all methods, as [`Display`] writes and [`FromStr`] reads them.
-    pub const NAMES: [&str; 5] = ["map", "planes", "lfd", "pfd", "reg"];
+    pub const NAMES: [&str; 5] = ["posterior", "planes", "lfd", "pfd", "reg"];
 
     /// The name of the method.
     pub fn name(&self) -> &'static str {
         Self::NAMES[match self {
-            Self::Map(_) => 0,
+            Self::Posterior(_) => 0,
             Self::Planes => 1,
             Self::Lfd => 2,
             Self::Pfd => 3,
@@ -52,7 +52,7 @@ impl FromStr for Method {
     /// The method of this name, with its default options.
     fn from_str(name: &str) -> Result<Self, UnknownName> {
         match name {
-            "map" => Ok(Self::Map(MapOptions::default())),
+            "posterior" => Ok(Self::Posterior(PosteriorOptions::default())),
             "planes" => Ok(Self::Planes),
             "lfd" => Ok(Self::Lfd),
             "pfd" => Ok(Self::Pfd),
@@ -186,9 +186,9 @@ mod tests {
 
     #[test]
     fn other_names_are_refused_with_what_there_is() {
-        let error = "mpa".parse::<Method>().unwrap_err();
+        let error = "posteror".parse::<Method>().unwrap_err();
         assert_eq!(error.expected, Method::NAMES);
-        assert_eq!(error.to_string(), "\"mpa\" is not a method; expected one of map, planes, lfd, pfd, reg");
+        assert_eq!(error.to_string(), "\"posteror\" is not a method; expected one of posterior, planes, lfd, pfd, reg");
         for wrong in ["sphere", "superellipsoid", "superellipsoid:3", "superellipsoid:NaN", ""] {
             assert!(wrong.parse::<BodyKind>().unwrap_err().to_string().contains("from 1 (cuboid) to 2"), "{wrong}");
         }

@@ -134,7 +134,7 @@ impl Kind {
             Self::Choice(names) | Self::ChoiceOr(_, names) => format!("one of {}", names.join(", ")),
             Self::Numbers(names) => format!("{} positive numbers: {}", names.len(), names.join(", ")),
             Self::Text => "a text".to_owned(),
-            Self::Levels => "numbers by name, such as edge_relative=0.03".to_owned(),
+            Self::Levels => "numbers by name, such as edge_noise=0.03".to_owned(),
         }
     }
 
@@ -374,8 +374,8 @@ mod tests {
 
     #[test]
     fn values_are_read_and_checked_by_their_kind() {
-        let levels = Value::Levels(vec![("edge_relative".to_owned(), 0.03), ("edge_px".to_owned(), 2.0)]);
-        assert_eq!(Kind::Levels.read("edge_relative=0.03, edge_px=2"), Ok(levels));
+        let levels = Value::Levels(vec![("edge_noise".to_owned(), 0.03), ("edge_noise_px".to_owned(), 2.0)]);
+        assert_eq!(Kind::Levels.read("edge_noise=0.03, edge_noise_px=2"), Ok(levels));
         assert_eq!(Kind::Numbers(&["RAD", "LENGTH"]).read("0.003, 0.1"), Ok(Value::Numbers(vec![0.003, 0.1])));
         assert_eq!(Kind::Number(Range::Positive).check(Value::Whole(2)), Ok(Value::Number(2.0)));
         for (kind, wrong, expected) in [

@@ -130,7 +130,7 @@ def localize_objects(
     length_unit : str, optional
         World unit.
     **options
-        `sigmas` and `body` (both are needed with `method="map"`, see `noise`), `method`, `priors`, `min_views`,
+        `noise_model` and `body` (both are needed with `method="posterior"`, see `noise`), `method`, `priors`, `min_views`,
         `reg_weight`, `seed`, as in `quadlift.localize`.
 
     Returns
@@ -147,13 +147,13 @@ def localize_objects(
 
     Notes
     -----
-    With given `sigmas` the scales of depths and 3D boxes are not estimated: divide the depths of a source by its factor
+    With given `noise_model` the scales of depths and 3D boxes are not estimated: divide the depths of a source by its factor
     first (`Estimates.cue_scales` of a sample).
     """
     settings = Settings.of(options, OF_OBJECTS, up, length_unit)
     if not settings.is_complete():
         raise QuadliftError(
-            'sigmas and a body other than "auto" are needed, because what a batch tells of them depends on how the '
+            'noise_model and a body other than "auto" are needed, because what a batch tells of them depends on how the '
             "rows are cut into batches; take both from quadlift.batches.noise"
         )
     table = _tables.table(rows, "rows")
@@ -187,12 +187,12 @@ def noise(
     Parameters
     ----------
     rows, cameras, up, length_unit, **options
-        As in `localize_objects`; given `sigmas` or `body` are kept. A few hundred objects are enough; beyond 2000 only
+        As in `localize_objects`; given `noise_model` or `body` are kept. A few hundred objects are enough; beyond 2000 only
         every second, third, ... is used. Invalid objects are skipped.
 
     Returns
     -------
-    sigmas : dict
+    noise_model : dict
         See `Estimates.noise`; empty without objects, and for methods other than `map`.
     body : str
         See `Estimates.body`; ``"ellipsoid"`` if the objects of the sample are of several kinds.
@@ -200,13 +200,13 @@ def noise(
     settings = Settings.of(options, OF_OBJECTS, up, length_unit)
     table = _tables.table(rows, "rows")
     cameras, detections, _ = objects_of(table, cameras)
-    sigmas, body = settings.run.get("sigmas"), settings.run.get("body", "auto")
+    noise_model, body = settings.run.get("noise_model"), settings.run.get("body", "auto")
     if not len(detections.row):
-        return dict(sigmas or {}), "ellipsoid" if body == "auto" else body
+        return dict(noise_model or {}), "ellipsoid" if body == "auto" else body
     estimates = _localized(cameras, detections, _texts(table, "object"), settings)
     if estimates.body == "mixed":
         return noise(rows, cameras, up=up, length_unit=length_unit, **{**options, "body": "ellipsoid"})
-    return (estimates.noise if sigmas is None else dict(sigmas)), estimates.body
+    return (estimates.noise if noise_model is None else dict(noise_model)), estimates.body
 
 
 def sample(rows: Any, count: int = 2000) -> Any:
@@ -314,7 +314,7 @@ def localize_scenes(
         World unit.
     **options
         As in `localize_objects`, and `associate`, `ids`, `upright`, `ground_plane`, `camera_height`,
-        `pose_noise`, `allow_inconsistent`. Without `sigmas` the noise levels are estimated per scene.
+        `pose_noise`, `allow_inconsistent`. Without `noise_model` the noise levels are estimated per scene.
         The objects of an inconsistent scene have the status ``"inconsistent"``.
 
     Returns

@@ -58,7 +58,7 @@ class Settings:
         # The self-check and the detection of upright objects need whole scenes: objects that are solved one by one do
         # not depend on them.
         of_objects: dict[str, Any] = {"associate": "never", "allow_inconsistent": True}
-        if options.get("method", "map") == "map":
+        if options.get("method", "posterior") == "posterior":
             of_objects["upright"] = False
         of_kind = of_objects if known == OF_OBJECTS else {"associate": "auto"}
         given = cast("_options.Options", {**of_kind, **options})
@@ -93,11 +93,11 @@ class Settings:
     @property
     def is_map(self) -> bool:
         """Whether the method is `map`."""
-        return bool(self.run.get("method", "map") == "map")
+        return bool(self.run.get("method", "posterior") == "posterior")
 
     def is_complete(self) -> bool:
         """Whether nothing has to be estimated from all objects together."""
-        is_given = self.run.get("sigmas") is not None and self.run.get("body", "auto") != "auto"
+        is_given = self.run.get("noise_model") is not None and self.run.get("body", "auto") != "auto"
         return is_given or not self.is_map
 
 

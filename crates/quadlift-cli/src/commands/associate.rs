@@ -32,7 +32,7 @@ use crate::words::duration;
 ///
 /// For detectors that give boxes without object ids. The result is the same scene with an `object` id in each assigned
 /// detection; unassigned detections have none. Objects that seem to move, or to be several objects, are marked as
-/// doubtful.
+/// uncertain.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
@@ -84,7 +84,7 @@ pub(crate) struct Args {
 
     /// Size-independent error of box edges in pixels [default: 2, 4 or 8, the largest that the evidence supports]
     #[arg(long, value_name = "PX", value_parser = args::positive)]
-    pixel_sd: Option<f64>,
+    edge_noise_px: Option<f64>,
 
     /// Sizes of categories: "builtin" (for scenes in meters) or a TOML file
     #[arg(long, value_name = "builtin|FILE.toml")]
@@ -118,7 +118,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         min_views: args.min_views,
         min_score: args.min_score,
         max_overlap: args.max_overlap,
-        pixel_sd: args.pixel_sd,
+        edge_noise_px: args.edge_noise_px,
         thorough: args.thorough,
         priors: match &args.priors {
             None => Default::default(),
@@ -148,7 +148,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     // The true objects, if the scene has any, have other ids.
     file.objects = Vec::new();
     write_scene_file(&args.output, &file)?;
-    let mut table = Table::new(["<object", "<category", "views", "evidence", "<doubtful"]);
+    let mut table = Table::new(["<object", "<category", "views", "evidence", "<uncertain"]);
     let labels = labels(scene, &association);
     for object in association.objects.iter().take(MOST_ROWS) {
         let category = object.category_index.map_or("", |index| scene.categories[index as usize].as_str());
@@ -157,7 +157,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
             Cell::from(labels.category(&object.id, Some(category))),
             Cell::from(format!("{} of {}", object.views, object.expected_views)),
             Cell::from(object.evidence.map_or_else(String::new, |evidence| format!("{evidence:.0}"))),
-            Cell::styled(object.doubtful.map_or("", |doubt| doubt.text()), WARNING),
+            Cell::styled(object.uncertain.map_or("", |doubt| doubt.text()), WARNING),
         ]);
     }
     out.report(&format!(

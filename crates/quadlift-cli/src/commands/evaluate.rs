@@ -50,8 +50,8 @@ pub(crate) struct Args {
     estimate: PathBuf,
 
     /// A scene file with the true objects, or with true object ids of its detections
-    #[arg(value_name = "TRUTH.json")]
-    truth: PathBuf,
+    #[arg(value_name = "GROUND_TRUTH.json")]
+    ground_truth: PathBuf,
 
     /// How to pair estimates with true objects: ids, overlap, or auto (by ids if any are shared)
     #[arg(long = "match", value_enum, value_name = "HOW", default_value_t = Match::Auto, hide_possible_values = true)]
@@ -66,10 +66,10 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
-    check_report(args.report.as_ref(), &[&args.estimate, &args.truth])?;
+    check_report(args.report.as_ref(), &[&args.estimate, &args.ground_truth])?;
     let estimate_file = read_scene_file(&args.estimate)?;
-    let truth_file = read_scene_file(&args.truth)?;
-    let (estimate, truth) = ((args.estimate.as_path(), &estimate_file), (args.truth.as_path(), &truth_file));
+    let truth_file = read_scene_file(&args.ground_truth)?;
+    let (estimate, truth) = ((args.estimate.as_path(), &estimate_file), (args.ground_truth.as_path(), &truth_file));
     let division = identities::score(estimate, truth, args.source.as_deref())?;
     let mut text = String::new();
     let mut document = json!({});
@@ -97,11 +97,11 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     out.report(&(text + &render_identities(&division)))?;
     out.document(&document)?;
     if let Some(report) = &args.report {
-        let files = vec![(args.truth.clone(), truth_file), (args.estimate.clone(), estimate_file)];
+        let files = vec![(args.ground_truth.clone(), truth_file), (args.estimate.clone(), estimate_file)];
         Gathered::new(files)?.write_report(report, evaluation.as_ref())?;
         out.report(&format!("wrote {}\n", report.display()))?;
     } else {
-        let words = ["view".into(), args.estimate.as_path().into(), args.truth.as_path().into()];
+        let words = ["view".into(), args.estimate.as_path().into(), args.ground_truth.as_path().into()];
         Next::default().command(words, "view both in the browser").tell(out)?;
     }
     Ok(Outcome::Fine)

@@ -1,6 +1,6 @@
 //! `quadlift localize`: from detections to objects.
 
-mod calibration;
+mod coverage;
 mod direct;
 mod args;
 mod one_scene;
@@ -25,16 +25,16 @@ use crate::threads;
 use crate::words::count;
 
 pub(crate) use args::{Args, with_requirements};
-use calibration::read_calibration;
+use coverage::read_coverage;
 use one_scene::{SceneDocument, one_scene};
 
 pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     threads::start(args.threads)?;
     args.output.as_deref().map_or(Ok(()), |output| check_result_name(output, true))?;
     let mut options = args.options()?;
-    options.calibration = read_calibration(&args.calibration)?;
+    options.coverage = read_coverage(&args.coverage)?;
     let corrections = args.corrections.list()?;
-    let chosen = (&options, Detail::from(args.detail));
+    let chosen = (&options, Detail::from(args.compact));
     if let Some((cameras, detections)) = args.direct.paths() {
         let [output, report] = [&args.output, &args.report].map(Option::as_deref);
         output.map_or(Ok(()), check_file)?;

@@ -2,7 +2,7 @@
 
 pub(crate) mod align;
 pub(crate) mod associate;
-pub(crate) mod calibrate;
+pub(crate) mod calibrate_rig;
 pub(crate) mod completions;
 pub(crate) mod evaluate;
 pub(crate) mod export;
@@ -10,7 +10,7 @@ pub(crate) mod import;
 pub(crate) mod info;
 pub(crate) mod localize;
 pub(crate) mod demo;
-pub(crate) mod locate;
+pub(crate) mod relocalize;
 pub(crate) mod man;
 pub(crate) mod render;
 pub(crate) mod segment;

@@ -19,7 +19,6 @@ use quadlift_io::run::FileOptions;
 use quadlift_io::stream::{StoredPriors, lasting_options};
 use serde_json::{Map, Value, json};
 
-use crate::args::DetailName;
 use crate::diagnosis::tell_of_map;
 use crate::error::{Outcome, usage};
 use crate::files::{check_file, check_result_name};
@@ -54,7 +53,7 @@ A line of the output:
 Examples:
   quadlift stream scene.json --map objects.json
   quadlift stream log.mcap --map objects.json > events.jsonl
-  tracker | quadlift stream --map objects.json --every 100 --state map.state --resume > events.jsonl
+  tracker | quadlift stream --map objects.json --save-every 100 --state map.state --resume > events.jsonl
 
 Ctrl-C, SIGTERM and a closed output end the stream: map, state and report are written. A second signal ends the program at
 once.
@@ -73,7 +72,7 @@ pub(crate) struct Args {
 
     /// Write map and state every N frames too, not only at the end
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
-    every: Option<u64>,
+    save_every: Option<u64>,
 
     /// Write what --resume needs to go on
     #[arg(long, value_name = "FILE")]
@@ -97,9 +96,9 @@ pub(crate) struct Args {
           value_parser = Target::parse)]
     rerun: Option<Target>,
 
-    /// What the map file says of each object: full, or brief (no covariance, no figures of single views)
-    #[arg(long, value_enum, value_name = "WHAT", default_value_t = DetailName::Full, hide_possible_values = true)]
-    detail: DetailName,
+    /// Write the map without covariances and figures of single views: a third of the size
+    #[arg(long)]
+    compact: bool,
 
     /// Use only the detections of this source of a scene file; required if the scene has several
     #[arg(long, value_name = "NAME")]
@@ -155,7 +154,7 @@ impl Args {
     }
 
     /// The options of the map.
-    fn map_options(&self, options: &FileOptions) -> anyhow::Result<OnlineOptions> {
+    fn posterior_options(&self, options: &FileOptions) -> anyhow::Result<OnlineOptions> {
         let options = OnlineOptions { priors: options.category_priors(), ..self.of_map.options()? };
         match options.validate() {
             Ok(()) => Ok(options),
@@ -164,9 +163,9 @@ impl Args {
     }
 
     /// The options that the map depends on, by their names: a state goes on with the same.
-    fn lasting_options(&self, map_options: &OnlineOptions, pose_noise: Option<PoseNoise>) -> Map<String, Value> {
+    fn lasting_options(&self, posterior_options: &OnlineOptions, pose_noise: Option<PoseNoise>) -> Map<String, Value> {
         let priors = self.priors.as_ref().map(|path| StoredPriors::Name(path.display().to_string()));
-        let mut options = lasting_options(map_options, priors.as_ref(), pose_noise, self.source.as_deref());
+        let mut options = lasting_options(posterior_options, priors.as_ref(), pose_noise, self.source.as_deref());
         let log = self.log.given.options();
         options.extend([
             ("topics".to_owned(), json!(Some(log.topics).filter(|topics| !topics.is_empty()))),
@@ -194,8 +193,8 @@ impl Args {
                 input.display()
             ));
         }
-        if self.every.is_some() && files.is_empty() {
-            return usage("--every says how often --map and --state are written; neither is given");
+        if self.save_every.is_some() && files.is_empty() {
+            return usage("--save-every says how often --map and --state are written; neither is given");
         }
         Ok(())
     }
@@ -205,10 +204,10 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     threads::start(args.threads)?;
     args.check_outputs()?;
     let options = args.options()?;
-    let map_options = args.map_options(&options)?;
-    let pose_noise = options.run.localize.method.map_options().and_then(|map| map.pose_noise);
-    let lasting = args.lasting_options(&map_options, pose_noise);
-    let mut session = Session::new(map_options, args, (&lasting, pose_noise), out)?;
+    let posterior_options = args.posterior_options(&options)?;
+    let pose_noise = options.run.localize.method.posterior_options().and_then(|map| map.pose_noise);
+    let lasting = args.lasting_options(&posterior_options, pose_noise);
+    let mut session = Session::new(posterior_options, args, (&lasting, pose_noise), out)?;
     let mut source = Source::open(args.input(), args.source.as_deref(), args.log_options()?, out)?;
     // Reading the state does not keep it from being written.
     args.state.as_deref().map(allow_overwriting);
@@ -219,7 +218,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         state: args.state.as_deref(),
         report: args.report.as_deref(),
         input: args.input().unwrap_or(Path::new("stream.jsonl")),
-        detail: args.detail.into(),
+        detail: args.compact.into(),
         options: &options,
         lasting: &lasting,
     };

@@ -30,7 +30,7 @@ use quadlift_io::synthetic_file::{scene_file, with_true_ids};
 /// a detector with misses and false positives, and the ids of a tracker, or no ids.
 ///
 /// --render also writes images and true masks for `segment`: textured objects stand on a cluttered ground, and a camera
-/// moves around them on an arc. --walkers writes a hall with fixed cameras for `calibrate`.
+/// moves around them on an arc. --pedestrians writes a hall with fixed cameras for `calibrate-rig`.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
@@ -67,21 +67,21 @@ Camera positions (--trajectory):
 the visible pixels, and the true bodies are the smallest enclosing ellipsoids of the objects. It can be combined with
 --objects, --views, --noise box:X, --trajectory arc:SPAN and --seed.
 
---walkers writes fixed cameras (cam0, cam1, ...) at the walls of a hall of 8 x 6 m in which people walk, in meters, at instants half a
-second apart (`rig_frame` and `time` of frames). It can be combined with --cameras, --instants, --noise box:X, --misses,
---false-boxes, --no-ids and --seed.
+--pedestrians writes fixed cameras (cam0, cam1, ...) at the walls of a hall of 8 x 6 m in which people walk, in meters, at time steps half a
+second apart (`rig_frame` and `time` of frames). It can be combined with --cameras, --time-steps, --noise box:X, --misses,
+--false-positives, --no-ids and --seed.
 
 Examples:
   quadlift synth -o scene.json --noise box:0.05 --outliers 0.05
   quadlift synth -o arc.json --trajectory arc:10 --body cuboid --objects 8 --seed 3
   quadlift synth -o table.json --trajectory random --body cuboid,cylinder,ellipsoid --standing --edge-bias 0.04
-  quadlift synth -o paper.json --observations ellipses --noise se:0.3
+  quadlift synth -o paper.json --measurement ellipses --noise se:0.3
   quadlift synth -o outlines.json --views 3 --cues outline --cue-noise outline:0.05
   quadlift synth -o cues.json --views 2 --cues depth,box3d --cue-noise depth:0.1 --cue-noise yaw:20
-  quadlift synth -o hall.json --walkers 2 --cameras 4 --noise box:0.03 --misses 0.2
+  quadlift synth -o hall.json --pedestrians 2 --cameras 4 --noise box:0.03 --misses 0.2
   quadlift synth -o points.json --trajectory street --views 60 --noise box:0.02 --points 1000 --pose-noise 0.3
   quadlift synth -o rendered/scene.json --render --objects 3 --noise box:0.05
-  quadlift synth -o boxes.json --truth truth.json --no-ids --cube 40 --noise box:0.05 --misses 0.2 --false-boxes 0.15
+  quadlift synth -o boxes.json --ground-truth truth.json --no-ids --cube 40 --noise box:0.05 --misses 0.2 --false-positives 0.15
   quadlift localize scene.json -o estimate.json && quadlift evaluate estimate.json scene.json"
 )]
 pub(crate) struct Args {
@@ -107,7 +107,7 @@ pub(crate) struct Args {
 
     /// What is measured in the images
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = Measured::Boxes)]
-    observations: Measured,
+    measurement: Measured,
 
     /// Noise and its amount, such as box:0.05 (see below)
     #[arg(long, value_name = "KIND:AMOUNT", value_parser = noise)]
@@ -168,7 +168,7 @@ pub(crate) struct Args {
         long,
         help_heading = "Rendering",
         conflicts_with_all = [
-            "body", "standing", "edge_bias", "observations", "outliers", "scale", "offset", "cube", "pose_noise", "points", "DetectorArgs",
+            "body", "standing", "edge_bias", "measurement", "outliers", "scale", "offset", "cube", "pose_noise", "points", "DetectorArgs",
             "IdArgs", "CueArgs"
         ]
     )]
@@ -184,32 +184,32 @@ pub(crate) struct Args {
         help_heading = "Hall",
         value_parser = RangedU64ValueParser::<usize>::new().range(1..=100),
         conflicts_with_all = [
-            "objects", "views", "body", "standing", "edge_bias", "observations", "outliers", "trajectory", "scale", "offset", "cube",
-            "pose_noise", "points", "duplicates", "occlusion", "fragments", "switches", "truth", "CueArgs", "render"
+            "objects", "views", "body", "standing", "edge_bias", "measurement", "outliers", "trajectory", "scale", "offset", "cube",
+            "pose_noise", "points", "duplicates", "occlusion", "fragments", "switches", "ground_truth", "CueArgs", "render"
         ]
     )]
-    walkers: Option<usize>,
+    pedestrians: Option<usize>,
 
     /// Number of fixed cameras [default: 4]
     #[arg(
         long,
         value_name = "N",
         help_heading = "Hall",
-        requires = "walkers",
+        requires = "pedestrians",
         value_parser = RangedU64ValueParser::<usize>::new().range(1..=100)
     )]
     cameras: Option<usize>,
 
-    /// Number of instants
+    /// Number of time steps
     #[arg(
         long,
         value_name = "N",
         help_heading = "Hall",
-        requires = "walkers",
+        requires = "pedestrians",
         default_value_t = 100,
         value_parser = RangedU64ValueParser::<usize>::new().range(1..=100_000)
     )]
-    instants: usize,
+    time_steps: usize,
 }
 
 /// Misses and false positives of the detector.
@@ -222,7 +222,7 @@ struct DetectorArgs {
 
     /// Number of false boxes per true box
     #[arg(long, value_name = "RATIO", default_value_t = 0.0, value_parser = args::finite)]
-    false_boxes: f64,
+    false_positives: f64,
 
     /// Fraction of the objects that are detected twice, from 0 to 1
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = args::finite)]
@@ -250,8 +250,8 @@ struct IdArgs {
     switches: Option<f64>,
 
     /// Write the scene with the true ids and objects to this file; SCENE.json then has no objects
-    #[arg(long, value_name = "TRUTH.json")]
-    truth: Option<PathBuf>,
+    #[arg(long, value_name = "GROUND_TRUTH.json")]
+    ground_truth: Option<PathBuf>,
 }
 
 impl IdArgs {
@@ -337,8 +337,8 @@ fn kind(text: &str) -> Result<ObjectKind, String> {
 }
 
 pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
-    if let Some(walkers) = args.walkers {
-        return hall::run(args, walkers, out);
+    if let Some(pedestrians) = args.pedestrians {
+        return hall::run(args, pedestrians, out);
     }
     let synthetic = if args.render { rendered(args)? } else { drawn(args)? };
     let outliers = synthetic.outliers.iter().filter(|wrong| **wrong).count();
@@ -364,7 +364,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         "detections": detections,
         "outliers": outliers,
         "false_or_duplicate": extra,
-        "truth": args.ids.truth.as_ref().map(|path| path.display().to_string()),
+        "ground_truth": args.ids.ground_truth.as_ref().map(|path| path.display().to_string()),
     }))?;
     Ok(Outcome::Fine)
 }
@@ -372,10 +372,10 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
 /// A scene of detections alone.
 fn drawn(args: &Args) -> anyhow::Result<SyntheticScene> {
     check_file(&args.output)?;
-    if let Some(truth) = &args.ids.truth {
+    if let Some(truth) = &args.ids.ground_truth {
         check_file(truth)?;
         if *truth == args.output {
-            return usage("--truth names the scene itself; expected another file");
+            return usage("--ground-truth names the scene itself; expected another file");
         }
     }
     let defaults = SyntheticOptions::default();
@@ -390,7 +390,7 @@ fn drawn(args: &Args) -> anyhow::Result<SyntheticScene> {
         trajectory: args.trajectory.unwrap_or_default(),
         scale: args.scale,
         offset: Vector3::from(args.offset),
-        observations: match args.observations {
+        observations: match args.measurement {
             Measured::Boxes => Observations::Boxes,
             Measured::Ellipses => Observations::Ellipses,
             Measured::Both => Observations::Both,
@@ -403,7 +403,7 @@ fn drawn(args: &Args) -> anyhow::Result<SyntheticScene> {
         point_noise: args.point_noise,
         detector: Detector {
             misses: detector.misses,
-            false_boxes: detector.false_boxes,
+            false_boxes: detector.false_positives,
             duplicates: detector.duplicates,
             occlusion: detector.occlusion,
         },
@@ -427,7 +427,7 @@ fn drawn(args: &Args) -> anyhow::Result<SyntheticScene> {
     }
     let mut file = scene_file(&synthetic);
     cues::add_shapes(&mut file, &synthetic, &shapes, args.seed);
-    if let Some(truth) = &args.ids.truth {
+    if let Some(truth) = &args.ids.ground_truth {
         write_scene_file(truth, &with_true_ids(file.clone(), &synthetic))?;
         file.objects = Vec::new();
     }

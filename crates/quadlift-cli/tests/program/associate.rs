@@ -53,8 +53,8 @@ fn localize_finds_the_objects_by_itself() {
 fn identities_are_scored_against_the_truth() {
     let folder = Folder::new();
     folder.succeed(
-        "synth -q -o scene.json --truth truth.json --no-ids --objects 12 --cube 30 --seed 4 --noise box:0.05 --misses 0.2 \
-         --false-boxes 0.15",
+        "synth -q -o scene.json --ground-truth truth.json --no-ids --objects 12 --cube 30 --seed 4 --noise box:0.05 --misses 0.2 \
+         --false-positives 0.15",
     );
     let (scene, truth) = (folder.json("scene.json"), folder.json("truth.json"));
     assert!(scene["objects"].is_null() && truth["objects"].as_array().unwrap().len() == 12);
@@ -101,21 +101,21 @@ fn what_may_move_is_marked_in_the_result() {
     folder.write_json("street.json", &scene);
     let text = folder.succeed("localize street.json -o out.json");
     let out = folder.json("out.json");
-    let doubtful: Vec<&Value> = out["objects"]
+    let uncertain: Vec<&Value> = out["objects"]
         .as_array()
         .unwrap()
         .iter()
-        .filter(|o| o["warnings"].to_string().contains("doubtful: "))
+        .filter(|o| o["warnings"].to_string().contains("uncertain: "))
         .map(|o| &o["id"])
         .collect();
-    // All boxes of the car are doubtful or belong to nothing.
+    // All boxes of the car are uncertain or belong to nothing.
     let detections = out["detections"].as_array().unwrap();
     let trusted = detections[detections.len() - 40..].iter().filter(|d| {
         let object = &d["object"];
-        !object.is_null() && !doubtful.contains(&object)
+        !object.is_null() && !uncertain.contains(&object)
     });
     assert!(trusted.count() <= 10, "{text}");
-    assert_eq!(text.contains("\ndoubtful: "), !doubtful.is_empty(), "{text}");
+    assert_eq!(text.contains("\nuncertain: "), !uncertain.is_empty(), "{text}");
 }
 
 #[test]

@@ -172,7 +172,7 @@ fn streams() -> Vec<Case> {
         called("a map file in the place of the scene", 2, "stream scene.json --map scene.json"),
         called("a map file on standard output", 2, "stream scene.json --map -"),
         called("a map file and a state of the same name", 2, "stream scene.json --map out --state out"),
-        called("--every without anything to write", 2, "stream scene.json --every 10"),
+        called("--save-every without anything to write", 2, "stream scene.json --save-every 10"),
         called("--resume without a state", 2, "stream scene.json --resume"),
         called("--rerun with what is neither a recording nor an address", 2, "stream --rerun=scene.json"),
         called("--rerun and its value without =", 2, "stream --rerun out.rrd"),
@@ -262,7 +262,7 @@ fn hopeless() -> Vec<Case> {
 }
 
 const SEGMENT: &str = "segment scene.json -o out.json";
-const LOCALIZE_MASKS: &str = "localize scene.json -o out.json --observations mask";
+const LOCALIZE_MASKS: &str = "localize scene.json -o out.json --measurement mask";
 const MASKS: &str = "segment scene.json -o out.json --method masks";
 
 /// A case with a rendered scene after a change of the scene file and of the folder.
@@ -353,7 +353,7 @@ fn images() -> Vec<Case> {
         rendered("masks as observations, one of them missing", 1, LOCALIZE_MASKS, |_, folder| {
             std::fs::remove_file(folder.path("masks/000001.png")).unwrap();
         }),
-        called("masks for a closed form of ellipses", 2, "localize scene.json --observations mask --method lfd"),
+        called("masks for a closed form of ellipses", 2, "localize scene.json --measurement mask --method lfd"),
         rendered("an unknown method", 2, "segment scene.json -o out.json --method sam", |_, _| {}),
         rendered(
             "masks into the folder of the images",
@@ -437,7 +437,7 @@ fn detections() -> Vec<Case> {
         file("a folder without label files", YOLO, "labels/a.md", ""),
         file(
             "names that are not in the YAML file",
-            "import yolo labels --into scene.json -o out.json --names data.yaml",
+            "import yolo labels --into scene.json -o out.json --class-names data.yaml",
             "data.yaml",
             "nc: 2\n",
         ),
@@ -595,12 +595,24 @@ fn choices() -> Vec<Case> {
         called("learned sizes of a closed form", 2, "localize scene.json -o out.json --method lfd --learn-sizes"),
         called("a weight for another method", 2, "localize scene.json -o out.json --reg-weight 1"),
         called("a negative weight", 2, "localize scene.json -o out.json --method reg --reg-weight=-1"),
-        called("sigmas for another method", 2, "localize scene.json -o out.json --method lfd --sigmas edge_relative=1"),
-        called("an unknown noise level", 2, "localize scene.json -o out.json --sigmas edges=0.1"),
-        called("a noise level of zero", 2, "localize scene.json -o out.json --sigmas edge_relative=0"),
-        called("noise levels of a scene that is no result", 1, "localize scene.json -o out.json --sigmas scene.json"),
-        called("a noise level twice", 2, "localize scene.json -o out.json --sigmas shape=0.1,shape=0.2"),
-        called("noise levels of a file that does not exist", 2, "localize scene.json -o out.json --sigmas no.json"),
+        called(
+            "noise_model for another method",
+            2,
+            "localize scene.json -o out.json --method lfd --noise-model edge_noise=1",
+        ),
+        called("an unknown noise level", 2, "localize scene.json -o out.json --noise-model edges=0.1"),
+        called("a noise level of zero", 2, "localize scene.json -o out.json --noise-model edge_noise=0"),
+        called(
+            "noise levels of a scene that is no result",
+            1,
+            "localize scene.json -o out.json --noise-model scene.json",
+        ),
+        called("a noise level twice", 2, "localize scene.json -o out.json --noise-model shape=0.1,shape=0.2"),
+        called(
+            "noise levels of a file that does not exist",
+            2,
+            "localize scene.json -o out.json --noise-model no.json",
+        ),
         called("a cuboid from a closed form", 2, "localize scene.json -o out.json --method planes --body cuboid"),
         called("an unknown body", 2, "localize scene.json -o out.json --body sphere"),
         called("an exponent out of range", 2, "localize scene.json -o out.json --body superellipsoid:3"),
@@ -609,14 +621,14 @@ fn choices() -> Vec<Case> {
         called("ellipse noise on boxes", 2, "synth -o out.json --noise re:45"),
         called("an unknown path of the cameras", 2, "synth -o out.json --trajectory circle"),
         called("a share of misses above one", 2, "synth -o out.json --misses 1.5"),
-        called("a negative number of false boxes", 2, "synth -o out.json --false-boxes=-1"),
+        called("a negative number of false boxes", 2, "synth -o out.json --false-positives=-1"),
         called("no ids, and ids of a tracker", 2, "synth -o out.json --no-ids --fragments 0.1"),
-        called("a truth in place of the scene", 2, "synth -o out.json --truth out.json"),
+        called("a truth in place of the scene", 2, "synth -o out.json --ground-truth out.json"),
         called("an unknown error of depths", 2, "synth -o out.json --cues depth --cue-noise fog:1"),
         called("a share of flipped 3D boxes above one", 2, "synth -o out.json --cues box3d --cue-noise flips:2"),
         called("errors of 3D boxes without 3D boxes", 2, "synth -o out.json --cues depth --cue-noise yaw:10"),
         called("a detector of rendered scenes", 2, "synth --render -o out.json --misses 0.1"),
-        called("ellipses of cuboids", 2, "synth -o out.json --body cuboid --observations ellipses"),
+        called("ellipses of cuboids", 2, "synth -o out.json --body cuboid --measurement ellipses"),
     ]
 }
 

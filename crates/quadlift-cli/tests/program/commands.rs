@@ -55,8 +55,8 @@ fn a_brief_result_leaves_out_what_takes_space_and_its_page_nothing() {
     for ids in ["", "--no-ids"] {
         folder.succeed(&format!("synth -o scene.json --objects 3 --views 8 --seed 4 --noise box:0.03 {ids}"));
         folder.succeed("localize scene.json -o full.json --report full.html");
-        folder.succeed("localize scene.json -o brief.json --report brief.html --detail brief");
-        folder.succeed("localize scene.json -o alone.json --detail brief");
+        folder.succeed("localize scene.json -o brief.json --report brief.html --compact");
+        folder.succeed("localize scene.json -o alone.json --compact");
         assert_eq!(folder.read("brief.json"), folder.read("alone.json"));
         assert_eq!(folder.read("brief.html"), folder.read("full.html"));
         let (full, brief) = (folder.json("full.json"), folder.json("brief.json"));
@@ -76,7 +76,7 @@ fn a_small_scene_is_localized_and_scored() {
     insta::assert_snapshot!("localize", folder.succeed("localize scene.json -o estimate.json"));
     // The names of the noise levels are for those who ask, and times are milliseconds or seconds.
     let details = folder.run("localize scene.json -v").stderr;
-    assert!(details.contains("noise levels: edge_relative 0.0"), "{details}");
+    assert!(details.contains("noise levels: edge_noise 0.0"), "{details}");
     assert!(details.contains("ms, localized in ") && !details.contains('µ'), "{details}");
     insta::assert_snapshot!("evaluate", folder.succeed("evaluate estimate.json scene.json"));
     let result = folder.json("estimate.json");
@@ -101,10 +101,10 @@ fn parts_of_a_scene_are_localized_apart_with_given_noise_levels() {
     folder.succeed("synth -o scene.json --objects 6 --views 10 --seed 5 --noise box:0.03 --outliers 0.1");
     folder.succeed("localize scene.json -o found.json");
     let found = folder.json("found.json");
-    folder.succeed("localize scene.json -o whole.json --sigmas found.json --body ellipsoid");
+    folder.succeed("localize scene.json -o whole.json --noise-model found.json --body ellipsoid");
     let whole = folder.json("whole.json");
     assert_eq!(whole["localization"]["noise"], found["localization"]["noise"]);
-    assert_eq!(whole["localization"]["settings"]["sigmas"], found["localization"]["noise"]);
+    assert_eq!(whole["localization"]["settings"]["noise_model"], found["localization"]["noise"]);
     // One object alone: the other boxes stay, without a name, because they may hide its edges.
     let mut scene = folder.json("scene.json");
     for detection in scene["detections"].as_array_mut().unwrap() {
@@ -113,16 +113,17 @@ fn parts_of_a_scene_are_localized_apart_with_given_noise_levels() {
         }
     }
     folder.write_json("part.json", &scene);
-    folder.succeed("localize part.json -o part_result.json --sigmas found.json --body ellipsoid --associate never");
+    folder
+        .succeed("localize part.json -o part_result.json --noise-model found.json --body ellipsoid --associate never");
     let part = folder.json("part_result.json");
     assert_eq!(part["objects"].as_array().unwrap().len(), 1);
     assert_eq!(part["objects"][0], whole["objects"][4]);
     // By name, with blanks, and what is not given has its default.
-    let levels = "edge_relative=0.02, edge_px=1.5";
-    let run = folder.run_list(&["localize", "scene.json", "-o", "given.json", "--sigmas", levels]);
+    let levels = "edge_noise=0.02, edge_noise_px=1.5";
+    let run = folder.run_list(&["localize", "scene.json", "-o", "given.json", "--noise-model", levels]);
     assert_eq!(run.code, 0, "{}", run.stderr);
     let given = folder.json("given.json");
-    assert_eq!(given["localization"]["noise"], json!({ "edge_relative": 0.02, "edge_px": 1.5 }));
+    assert_eq!(given["localization"]["noise"], json!({ "edge_noise": 0.02, "edge_noise_px": 1.5 }));
 }
 
 #[test]
@@ -314,7 +315,7 @@ fn refined_poses_are_in_the_result_beside_the_given_ones() {
         refused.stderr
     );
     assert_eq!(folder.run("localize scene.json --refine-poses=fast").code, 2);
-    assert!(folder.run("localize scene.json --refine-poses --method lfd").stderr.contains("--method map only"));
+    assert!(folder.run("localize scene.json --refine-poses --method lfd").stderr.contains("--method posterior only"));
 }
 
 #[test]
@@ -443,7 +444,7 @@ fn a_limit_of_pixels_that_no_memory_has_is_refused() {
 #[test]
 fn fixed_cameras_repeat_their_poses_on_purpose() {
     let folder = Folder::new();
-    folder.succeed("synth -o hall.json --walkers 2 --cameras 4 --instants 60 --noise box:0.03 --seed 1");
+    folder.succeed("synth -o hall.json --pedestrians 2 --cameras 4 --time-steps 60 --noise box:0.03 --seed 1");
     let told = folder.succeed("info hall.json");
     assert!(!told.contains("repeat") && told.contains("- the objects move: the cameras are fixed"), "{told}");
     // One camera whose poses were repeated is another thing.

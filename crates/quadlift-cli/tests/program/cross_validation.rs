@@ -29,8 +29,8 @@ fn every_object_has_its_figure_and_the_odd_view_is_named() {
     let objects = result["objects"].as_array().unwrap();
     let iou = |k: usize| objects[k]["cross_validation"]["iou"].as_f64().unwrap();
     assert!(iou(0) > 0.95 && iou(2) > 0.95 && iou(1) < 0.95, "{} {} {}", iou(0), iou(1), iou(2));
-    assert_eq!(objects[1]["cross_validation"]["odd_view"], result["frames"][3]["id"]);
-    assert!(objects[0]["cross_validation"]["odd_view"].is_null());
+    assert_eq!(objects[1]["cross_validation"]["suspect_view"], result["frames"][3]["id"]);
+    assert!(objects[0]["cross_validation"]["suspect_view"].is_null());
     let of_views = objects[1]["view_residuals_px"].as_array().unwrap();
     assert!(of_views[3]["predicted_iou"].as_f64().unwrap() < 0.2);
     // The same on standard output, and the file can be read again.

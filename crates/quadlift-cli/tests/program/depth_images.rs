@@ -115,7 +115,7 @@ fn one_view_with_a_depth_image_locates_objects() {
         found.remove("mask");
         found.insert(field.to_owned(), value);
         folder.write_json(detection, &scene);
-        folder.succeed(&format!("localize {detection} -q -o found.json --observations box"));
+        folder.succeed(&format!("localize {detection} -q -o found.json --measurement box"));
         of("found.json")["center"].clone()
     };
     let with_mask = depth_of(

@@ -203,6 +203,6 @@ fn detections_are_added_to_those_that_are_there() {
     assert!(folder.json("replaced.json").get("detections").is_none());
     // A list of names instead of the one beside the labels.
     folder.write("classes.txt", "mug\nflask\nbrochure\n");
-    folder.succeed("import yolo labels --into scene.json -o named.json --names classes.txt --source mine");
+    folder.succeed("import yolo labels --into scene.json -o named.json --class-names classes.txt --source mine");
     assert_eq!(of_source(&folder.json("named.json"), "mine")[0]["category"], "mug");
 }

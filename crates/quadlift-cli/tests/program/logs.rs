@@ -23,7 +23,7 @@ fn street() -> (Folder, Value) {
 const END_OF_DATA: u8 = 0x0F;
 
 /// With given levels an object depends on its own views alone.
-const GIVEN: &str = "--body ellipsoid --sigmas edge_relative=0.02,edge_px=1";
+const GIVEN: &str = "--body ellipsoid --noise-model edge_noise=0.02,edge_noise_px=1";
 
 /// The largest difference of the centers, relative to their distances from the origin.
 fn difference(folder: &Folder, found: &str) -> f64 {

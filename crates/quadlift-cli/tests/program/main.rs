@@ -5,8 +5,8 @@
 mod align;
 mod associate;
 mod bad_inputs;
-mod calibrate;
-mod calibration;
+mod calibrate_rig;
+mod coverage;
 mod commands;
 mod common;
 mod cross_validation;
@@ -16,7 +16,7 @@ mod diagnosis;
 mod documentation;
 mod export;
 mod import;
-mod locate;
+mod relocalize;
 mod logs;
 mod method;
 #[cfg(unix)]

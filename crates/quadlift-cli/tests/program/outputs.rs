@@ -82,7 +82,7 @@ fn files_that_a_run_reads_or_that_its_scene_names_are_not_overwritten() {
         ("segment scene.json -o photo", "is an image or mask of a scene"),
         ("segment scene.json -o out.json --report photo", "is an image or mask of a scene"),
         ("associate scene.json -o photo", "is an image or mask of a scene"),
-        ("localize scene.json --sigmas result.json -o result.json", "overwrite result.json, which is an input"),
+        ("localize scene.json --noise-model result.json -o result.json", "overwrite result.json, which is an input"),
         ("localize scene.json --priors priors.json -o priors.json", "overwrite priors.json, which is an input"),
         ("export csv result.json -o a.csv --views result.json", "overwrite the scene result.json"),
         ("evaluate result.json scene.json --report scene.json", "would overwrite"),
@@ -128,7 +128,7 @@ fn image_paths_lead_to_the_images_from_wherever_the_result_is() {
     folder.succeed(
         "synth --render -o in/scene.json --objects 3 --views 4 --image-size 160x120 --kinds ellipsoid --seed 3",
     );
-    folder.succeed("synth -o in/hall.json --walkers 2 --cameras 4 --instants 40 --noise box:0.03 --seed 1");
+    folder.succeed("synth -o in/hall.json --pedestrians 2 --cameras 4 --time-steps 40 --noise box:0.03 --seed 1");
     let mut hall = folder.json("in/hall.json");
     hall["frames"][0]["image"] = json!("images/000000.jpg");
     folder.write_json("in/hall.json", &hall);
@@ -142,8 +142,8 @@ fn image_paths_lead_to_the_images_from_wherever_the_result_is() {
         ("localize in/scene.json -o", "in/images"),
         ("associate in/scene.json --ids ignore --min-views 2 -o", "in/images"),
         ("stream in/scene.json --map", "in/images"),
-        ("locate in/map.json in/query.json -o", "in/images"),
-        ("calibrate in/hall.json -o", "in/images"),
+        ("relocalize in/map.json in/query.json -o", "in/images"),
+        ("calibrate-rig in/hall.json -o", "in/images"),
         ("align in/desk/estimate.json in/desk/estimate.json -o", "in/desk/images"),
     ] {
         // Aligning takes long.
@@ -328,7 +328,7 @@ fn what_has_no_end_is_not_read() {
             "segment hostile.json -o out.json",
             "segment hostile.json -o out.json --method masks",
             "render hostile.json --frame 000000 -o out.png",
-            "localize hostile.json --observations mask",
+            "localize hostile.json --measurement mask",
             "localize hostile.json --report out.html",
             "info hostile.json",
         ] {

@@ -49,7 +49,7 @@ fn a_report_has_estimates_truth_scores_and_rejected_boxes() {
     assert_eq!(states.iter().filter(|state| **state == 2).count() as u64, rejected);
     assert_eq!(report["scores"]["rows"].as_array().unwrap().len(), 8);
     let settings = report["settings"].to_string();
-    assert!(settings.contains("[\"method\",\"map\"]") && settings.contains("noise, edge"), "{settings}");
+    assert!(settings.contains("[\"method\",\"posterior\"]") && settings.contains("noise, edge"), "{settings}");
 }
 
 #[test]

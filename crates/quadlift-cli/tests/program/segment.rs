@@ -262,9 +262,9 @@ fn masks_are_an_observation_of_their_own() {
         let scores = folder.succeed("evaluate objects.json scene.json --json");
         serde_json::from_str::<Value>(&scores).unwrap()["mean"]["iou3d"]["value"].as_f64().unwrap()
     };
-    for method in ["map", "planes"] {
+    for method in ["posterior", "planes"] {
         // True masks, from label images, of ellipsoids that stand free.
-        let [masks, again, boxes] = ["scene.json --observations mask", "runs.json --observations mask", "scene.json"]
+        let [masks, again, boxes] = ["scene.json --measurement mask", "runs.json --measurement mask", "scene.json"]
             .map(|what| score(&format!("{what} --method {method}")));
         assert!(masks > boxes && masks > 0.85, "{method}: {masks} {boxes}");
         assert_eq!(masks, again, "{method}");
@@ -273,7 +273,7 @@ fn masks_are_an_observation_of_their_own() {
     let mut scene = folder.json("scene.json");
     scene["detections"][3]["mask"]["value"] = json!(9);
     folder.write_json("wrong.json", &scene);
-    let run = folder.run("localize wrong.json -o objects.json --observations mask");
+    let run = folder.run("localize wrong.json -o objects.json --measurement mask");
     assert!(run.code == 1 && run.stderr.contains("masks/000001.png: no pixel has the value 9"), "{}", run.stderr);
     assert!(run.stdout.contains(": 2 of 2 objects localized"), "{}", run.stdout);
     assert_eq!(folder.json("objects.json")["objects"][1]["view_residuals_px"].as_array().map(Vec::len), Some(7));
@@ -305,7 +305,7 @@ fn what_the_segmentation_says_of_masks_is_heard() {
     }
     folder.write_json("fallen.json", &scene);
     let fallen = noise("fallen.json");
-    assert!(fallen["shape"].is_null() && fallen["edge_relative"].is_number(), "{fallen}");
-    let run = folder.run("localize fallen.json --observations mask");
+    assert!(fallen["shape"].is_null() && fallen["edge_noise"].is_number(), "{fallen}");
+    let run = folder.run("localize fallen.json --measurement mask");
     assert!(run.code == 1 && run.stderr.contains("no object could be localized"), "{}", run.stderr);
 }

@@ -10,8 +10,9 @@ use serde_json::{Value, json};
 /// A scene of six objects whose detections have no ids, with its truth, and the same as lines.
 pub(crate) fn folder_with_stream() -> Folder {
     let folder = Folder::new();
-    folder
-        .succeed("synth -q -o scene.json --truth truth.json --no-ids --objects 6 --views 20 --seed 2 --noise box:0.03");
+    folder.succeed(
+        "synth -q -o scene.json --ground-truth truth.json --no-ids --objects 6 --views 20 --seed 2 --noise box:0.03",
+    );
     let mut scene = folder.json("scene.json");
     // As detectors write them; the map keeps boxes in single precision.
     for detection in scene["detections"].as_array_mut().unwrap() {
@@ -96,14 +97,14 @@ fn lines_give_what_the_scene_gives_and_writing_on_the_way_changes_nothing() {
     let replayed = folder.succeed("stream scene.json --map map.json -q");
     let text = folder.read("scene.jsonl");
     assert_eq!(folder.succeed("stream scene.jsonl --map lines.json -q"), replayed);
-    let (lines, code, _) = stream(&folder, "stream --map input.json --state state --every 3", &text);
+    let (lines, code, _) = stream(&folder, "stream --map input.json --state state --save-every 3", &text);
     assert_eq!(code, 0);
     let replayed: Vec<Value> = replayed.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(lines, replayed);
     for name in ["lines.json", "input.json"] {
         assert_eq!(folder.read(name), folder.read("map.json"), "{name}");
     }
-    // Both frames of an instant in one line, with the camera in one of them.
+    // Both frames of a time step in one line, with the camera in one of them.
     let scene = folder.json("scene.json");
     let mut frames: Vec<Value> = text.lines().skip(1).map(|line| serde_json::from_str(line).unwrap()).collect();
     frames[0]["camera"] = scene["cameras"][0].clone();
@@ -136,7 +137,7 @@ fn lines_with_cues(scene: &Value) -> Vec<String> {
 fn outlines_turned_boxes_and_scales_of_frames_reach_the_map_and_the_estimates() {
     let folder = Folder::new();
     folder.succeed(
-        "synth -q -o scene.json --truth truth.json --no-ids --objects 6 --views 12 --seed 2 --noise box:0.03 \
+        "synth -q -o scene.json --ground-truth truth.json --no-ids --objects 6 --views 12 --seed 2 --noise box:0.03 \
          --cues outline,oriented_box,depth --cue-noise outline:0.02 --cue-noise angle:1",
     );
     let mut scene = folder.json("scene.json");
@@ -194,7 +195,7 @@ fn outlines_turned_boxes_and_scales_of_frames_reach_the_map_and_the_estimates() 
 fn depths_and_3d_boxes_reach_the_map_the_state_and_the_estimates() {
     let folder = Folder::new();
     folder.succeed(
-        "synth -q -o scene.json --truth truth.json --no-ids --objects 6 --views 20 --seed 2 --noise box:0.03 \
+        "synth -q -o scene.json --ground-truth truth.json --no-ids --objects 6 --views 20 --seed 2 --noise box:0.03 \
          --cues depth,box3d",
     );
     let scene = folder.json("scene.json");
@@ -388,7 +389,7 @@ fn a_stream_that_was_killed_goes_on_to_the_same_bytes() {
     let lines = lines_of(&folder.json("scene.json"));
     let (whole, _, _) = stream(&folder, "stream --map whole.json --state whole.state", &lines.concat());
     for (round, frames) in [1, 2, 5, 9, 14, 19].into_iter().enumerate() {
-        let arguments = "stream --map map.json --state state --every 1";
+        let arguments = "stream --map map.json --state state --save-every 1";
         let mut child = program(&folder, arguments).spawn().unwrap();
         let mut input = child.stdin.take().unwrap();
         input.write_all(lines.concat().as_bytes()).unwrap();

@@ -176,11 +176,11 @@ fn wrong_usage_is_refused_before_anything_is_read() {
         ("stream scene.json --map -", "events go to the standard output"),
         ("stream scene.json --map map.ply", "the result is a JSON file"),
         ("stream scene.json --map map.json --state map.json", "would overwrite map.json"),
-        ("stream scene.json --every 10", "neither is given"),
+        ("stream scene.json --save-every 10", "neither is given"),
         ("stream scene.json --resume", "--state"),
         ("stream scene.json --min-views 1", "views"),
         ("stream scene.json --max-views 2", "a whole number of at least 4"),
-        ("stream scene.json --every 0 --map map.json", "invalid value '0'"),
+        ("stream scene.json --save-every 0 --map map.json", "invalid value '0'"),
     ] {
         let run = folder.run(arguments);
         assert!(run.code == 2 && run.stderr.contains(words), "{arguments}: {} {}", run.code, run.stderr);

@@ -98,7 +98,7 @@ fn every_kind_of_event_is_in_the_schema() {
     // A street with misses and false boxes, where most things happen.
     folder.succeed(
         "synth -q -o scene.json --no-ids --trajectory street --views 60 --objects 40 --noise box:0.05 --misses 0.2 \
-         --false-boxes 0.2",
+         --false-positives 0.2",
     );
     let mut kinds = std::collections::BTreeSet::new();
     for line in folder.succeed("stream scene.json -q").lines() {

@@ -29,7 +29,7 @@ const SYMPTOMS: &str = "
 
 - **Few views.** Two views determine an object roughly, one view only with a [depth or a 3D box](cues.md). `quadlift localize -v`
   lists rejected views with reasons.
-- **Moving objects.** `quadlift associate` marks them as doubtful.
+- **Moving objects.** `quadlift associate` marks them as uncertain.
 - **Bodies are too small.** The tangent body fills the boxes, the enclosing one the object
   ([concepts](concepts.md#tangent-or-enclosing)).
 - **All lengths are wrong by a factor.** A scene in millimeters is as consistent as one in meters. Only category sizes

@@ -102,7 +102,7 @@ pub fn merge(
         object.id = objects.get(&object.id);
         object.views_rejected.iter_mut().for_each(|frame| *frame = frames.get(frame));
         object.view_residuals_px.iter_mut().for_each(|view| view.frame = frames.get(&view.frame));
-        if let Some(odd) = object.cross_validation.as_mut().and_then(|checked| checked.odd_view.as_mut()) {
+        if let Some(odd) = object.cross_validation.as_mut().and_then(|checked| checked.suspect_view.as_mut()) {
             *odd = frames.get(odd);
         }
         match places.get(&object.id) {

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use crate::correct::move_world;
 use crate::error::EntryError;
-use crate::locate::LOCATION;
+use crate::relocalize::LOCATION;
 use crate::scene_file::object_records::KindRecord;
 use crate::scene_file::{CovarianceRecord, ObjectRecord, REFERENCE, SceneFile};
 

@@ -1,6 +1,6 @@
 //! Scene files that are moved, compared and merged.
 
-use nalgebra::{Point3, Rotation3, SMatrix, Vector3};
+use nalgebra::{Matrix3, Point3, Rotation3, SMatrix, Vector3};
 use quadlift::align::{AlignStatus, MapTransform, align};
 use quadlift::geometry::{Ellipsoid, Projection, Similarity, project_bounding_box, vech3};
 use serde_json::json;
@@ -270,4 +270,25 @@ fn a_wrong_vertical_is_told() {
     assert_eq!(contradiction, Some(Contradiction::Up));
     let (found, _) = align_checked(&of_a, &of_b, &options_of(&a, &b, MapScale::OfUnits, None));
     assert_eq!(found.status, AlignStatus::Ok);
+}
+
+#[test]
+fn a_mirrored_map_is_told() {
+    let [a, mut b] = two_maps(1.0);
+    let [of_a, mut of_b] = [&a, &b].map(|file| file.to_map_objects().unwrap());
+    b.up = b.up.map(|[x, y, z]| [x, -y, z]);
+    let mirror = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0));
+    for object in &mut of_b.objects {
+        let center = Point3::from(mirror * object.ellipsoid.center.coords);
+        object.ellipsoid = Ellipsoid::from_shape(center, &(mirror * object.ellipsoid.shape() * mirror)).unwrap();
+        object.covariance = None;
+    }
+    for (scale, up) in [(MapScale::Rigid, None), (MapScale::Estimated, None), (MapScale::OfUnits, Some(0.03))] {
+        let (found, contradiction) = align_checked(&of_a, &of_b, &options_of(&a, &b, scale, up));
+        assert_eq!(
+            (found.status, contradiction),
+            (AlignStatus::NoAlignment, Some(Contradiction::Mirrored)),
+            "{scale:?}"
+        );
+    }
 }

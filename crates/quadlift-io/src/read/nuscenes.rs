@@ -274,10 +274,10 @@ fn read_scene<'a>(
     });
     // A key frame has an image of each camera; their poses come from the same vehicle.
     let is_rig = scene.cameras.len() > 1 && !options.sweeps;
-    let mut instants: BTreeMap<String, usize> = BTreeMap::new();
+    let mut time_steps: BTreeMap<String, usize> = BTreeMap::new();
     for Image { row, camera, ego_from_camera } in images {
-        let next = instants.len();
-        let instant = *instants.entry(row.sample_token).or_insert(next);
+        let next = time_steps.len();
+        let time_step = *time_steps.entry(row.sample_token).or_insert(next);
         let Some(world_from_ego) = poses.get(&row.ego_pose_token).copied().flatten() else {
             let (file, token) = (row.filename, row.ego_pose_token);
             return Err(ReadError::new(open(5)?.path, format!("there is no pose \"{token}\", which \"{file}\" has")));
@@ -291,7 +291,7 @@ fn read_scene<'a>(
             image: Some(row.filename),
             // Microseconds.
             time: Some(row.timestamp / 1e6),
-            extra: is_rig.then(|| (RIG_FRAME.to_owned(), instant.into())).into_iter().collect(),
+            extra: is_rig.then(|| (RIG_FRAME.to_owned(), time_step.into())).into_iter().collect(),
             ..FrameRecord::default()
         });
     }

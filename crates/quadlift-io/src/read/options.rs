@@ -92,7 +92,7 @@ type Read = FormatOption<ReadOptions>;
 
 /// All options of readers.
 pub const READ: &[Read] = &[
-    Read::new("names", "FILE", "Class names: one per line, or the `names` of a .yaml file", |o, text| {
+    Read::new("class_names", "FILE", "Class names: one per line, or the `names` of a .yaml file", |o, text| {
         path(&mut o.names, text)
     }),
     Read::new(

@@ -204,7 +204,7 @@ impl Input for FileInput {
         if options.measurements == MeasurementKind::Mask {
             self.measure_masks(source, observer)?;
         }
-        if options.method.map_options().is_none() {
+        if options.method.posterior_options().is_none() {
             return Ok(());
         }
         if self.file.has_depth_images() {

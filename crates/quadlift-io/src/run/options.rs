@@ -7,7 +7,7 @@ use quadlift::scene::Scene;
 use quadlift::solve::CategoryPriors;
 use serde_json::{Map, Value};
 
-use crate::calibration::CalibrationRecord;
+use crate::coverage::CoverageRecord;
 use crate::error::ReadError;
 use crate::options::value_record;
 use crate::priors::{builtin_priors, check_meters, parse_priors, plausible_sizes, read_priors};
@@ -59,7 +59,7 @@ pub struct FileOptions {
     /// Where these priors come from.
     pub priors: PriorSource,
     /// How regions are calibrated: what the result says about it.
-    pub calibration: Option<CalibrationRecord>,
+    pub coverage: Option<CoverageRecord>,
 }
 
 impl FileOptions {
@@ -68,10 +68,10 @@ impl FileOptions {
     /// # Errors
     /// As [`PriorSource::read`].
     pub fn new(mut run: RunOptions, priors: PriorSource) -> Result<Self, ReadError> {
-        if let Some(map) = run.localize.method.map_options_mut() {
+        if let Some(map) = run.localize.method.posterior_options_mut() {
             map.priors = priors.read()?;
         }
-        Ok(Self { run, priors, calibration: None })
+        Ok(Self { run, priors, coverage: None })
     }
 
     /// The options of the library for a scene: what they mean depends on its unit of length.
@@ -95,7 +95,7 @@ impl FileOptions {
         let rows = RUN.iter().filter(|row| row.only.is_none_or(|(_, needed)| needed == method.name()));
         let mut settings: Map<String, Value> =
             rows.map(|row| (row.name.to_owned(), value_record((row.get)(&self.run)))).collect();
-        if method.map_options().is_some() {
+        if method.posterior_options().is_some() {
             settings.insert("priors".to_owned(), self.priors.name().into());
         }
         settings.into()
@@ -103,12 +103,12 @@ impl FileOptions {
 
     /// The priors on categories; none for methods that take none.
     pub fn category_priors(&self) -> CategoryPriors {
-        self.run.localize.method.map_options().map(|map| map.priors.clone()).unwrap_or_default()
+        self.run.localize.method.posterior_options().map(|map| map.priors.clone()).unwrap_or_default()
     }
 
     /// Categories of the scene that have no prior although priors are used.
     pub fn categories_without_prior<'a>(&self, scene: &'a Scene) -> Vec<&'a str> {
-        let map = self.run.localize.method.map_options();
+        let map = self.run.localize.method.posterior_options();
         let Some(map) = map.filter(|map| !map.learn_sizes && self.priors != PriorSource::None) else {
             // Where sizes are learned, the result lists them.
             return Vec::new();

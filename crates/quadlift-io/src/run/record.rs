@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use super::FileRun;
 use crate::association::AssociationRecord;
-use crate::calibration::CalibrationRecord;
+use crate::coverage::CoverageRecord;
 use crate::diagnosis::DiagnosisRecord;
 use crate::scene_file::{SceneFile, count_localized, fitted_body_name};
 use crate::stream::StreamRecord;
@@ -28,7 +28,7 @@ pub struct RunRecord {
     pub body: Option<String>,
     /// How regions are calibrated.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub calibration: Option<CalibrationRecord>,
+    pub coverage: Option<CoverageRecord>,
     /// What was corrected and left out, in words.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub corrections: Vec<String>,
@@ -210,7 +210,7 @@ impl RunRecord {
         Self {
             association: run.run.association.as_ref().map(|association| AssociationRecord::of(scene, association)),
             body: Some(fitted_body_name(found.body)),
-            calibration: run.options.calibration.clone(),
+            coverage: run.options.coverage.clone(),
             corrections: run.input.notes.clone(),
             cross_validation: SceneCrossValidationRecord::of(&found.cross_validation),
             cue_scales: found.cue_scales.iter().map(|scale| CueScaleRecord::of(scale, scene)).collect(),

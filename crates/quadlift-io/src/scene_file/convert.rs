@@ -60,9 +60,9 @@ impl SceneFile {
                 Posed::Projection(projection) => builder.add_frame(&frame.id, projection, image_size),
             };
             let added = added.map_err(|error| EntryError::new(entry(""), error))?;
-            if let Some(instant) = frame.extra.get(RIG_FRAME).and_then(serde_json::Value::as_u64) {
+            if let Some(time_step) = frame.extra.get(RIG_FRAME).and_then(serde_json::Value::as_u64) {
                 let camera = frame.camera.as_deref().and_then(|id| cameras.get(id)).map(|camera| camera.number);
-                builder.taken_by_rig(added, RigCamera { instant, camera });
+                builder.taken_by_rig(added, RigCamera { time_step, camera });
             }
         }
         self.add_tracked_points(&mut builder)?;
@@ -142,7 +142,7 @@ impl SceneFile {
                 .collect();
                 let given = if given.is_empty() { "none of them".to_owned() } else { given.join(" and ") };
                 let hint = match (camera, pose, projection) {
-                    (Some(_), None, None) => "; `quadlift locate` finds the poses of images in a map of objects",
+                    (Some(_), None, None) => "; `quadlift relocalize` finds the poses of images in a map of objects",
                     _ => "",
                 };
                 let problem =

@@ -33,7 +33,7 @@ pub use depth_images::DepthsFound;
 pub use images::{MaskSource, SceneImages};
 pub use object_records::{
     AlternativeRecord, BodyRecord, CovarianceRecord, CrossValidationRecord, CuboidRecord, CylinderRecord,
-    EllipsoidRecord, MisfitRecord, ObjectRecord, SuperellipsoidRecord, ViewRecord,
+    EllipsoidRecord, GoodnessOfFitRecord, ObjectRecord, SuperellipsoidRecord, ViewRecord,
 };
 pub use paths::way_to_file;
 pub(crate) use read::parse_json_line;

@@ -63,7 +63,7 @@ pub struct ObjectRecord {
     pub alternatives: Vec<AlternativeRecord>,
     /// Residual statistics.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub misfit: Option<MisfitRecord>,
+    pub goodness_of_fit: Option<GoodnessOfFitRecord>,
     /// The contribution of each view.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub view_residuals_px: Vec<ViewRecord>,
@@ -181,13 +181,13 @@ pub struct AlternativeRecord {
     pub extra: Map<String, Value>,
 }
 
-/// Residual statistics of an object (see [`quadlift::solve::Misfit`]).
+/// Residual statistics of an object (see [`quadlift::solve::GoodnessOfFit`]).
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct MisfitRecord {
+pub struct GoodnessOfFitRecord {
     /// In standard deviations of the scene's noise: about 1 for objects with typical noise.
-    pub deviations: f64,
+    pub normalized_residual: f64,
     /// Relative to the half size of the boxes.
-    pub relative: f64,
+    pub relative_residual: f64,
     /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
@@ -202,14 +202,14 @@ pub struct ViewRecord {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub residual_px: Option<f64>,
     /// Root mean square residual in standard deviations of the scene's noise (see
-    /// [`quadlift::solve::ViewReport::deviations`]).
+    /// [`quadlift::solve::ViewReport::normalized_residual`]).
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub deviations: Option<f64>,
+    pub normalized_residual: Option<f64>,
     /// Whether the view was used; otherwise it was rejected as an outlier.
     pub inlier: bool,
     /// Why it was rejected: a name of [`quadlift::solve::Rejection`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rejected_because: Option<String>,
+    pub rejection_reason: Option<String>,
     /// IoU of the measured box and the one predicted from the other views, if the whole scene was cross-validated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub predicted_iou: Option<f64>,
@@ -230,7 +230,7 @@ pub struct CrossValidationRecord {
     pub edge_error: Option<f64>,
     /// Id of the frame whose detection the others contradict.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub odd_view: Option<String>,
+    pub suspect_view: Option<String>,
     /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,

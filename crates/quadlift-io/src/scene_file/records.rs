@@ -23,7 +23,7 @@ pub const FORMAT: &str = "quadlift.scene";
 pub const VERSION: u64 = 1;
 /// The field with the place on Earth of the world's origin, as OpenSfM writes it.
 pub const REFERENCE: &str = "reference_lla";
-/// The field of frames with the number of the rig's frame: those with the same one were taken at one instant.
+/// The field of frames with the number of the rig's frame: those with the same one were taken at one time step.
 pub const RIG_FRAME: &str = "rig_frame";
 
 /// A scene file as written: inputs (cameras, frames, detections, true objects) and outputs (estimated objects).

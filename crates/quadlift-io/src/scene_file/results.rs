@@ -8,7 +8,7 @@ use serde_json::Map;
 
 use super::bodies::coordinates_name;
 use super::object_records::{
-    AlternativeRecord, CovarianceRecord, CrossValidationRecord, MisfitRecord, ObjectRecord, ViewRecord,
+    AlternativeRecord, CovarianceRecord, CrossValidationRecord, GoodnessOfFitRecord, ObjectRecord, ViewRecord,
 };
 use crate::numbers::significant;
 
@@ -25,13 +25,20 @@ pub enum Detail {
     #[default]
     Full,
     /// Without covariance, the figures of each view and alternatives: about a third of the size.
-    Brief,
+    Compact,
+}
+
+impl From<bool> for Detail {
+    /// `true` is compact.
+    fn from(compact: bool) -> Self {
+        if compact { Self::Compact } else { Self::Full }
+    }
 }
 
 impl Detail {
     /// Removes the parts of an object that are not requested.
     pub fn apply(self, object: &mut ObjectRecord) {
-        if self == Self::Brief {
+        if self == Self::Compact {
             object.covariance = None;
             object.view_residuals_px = Vec::new();
             object.alternatives = Vec::new();
@@ -61,7 +68,7 @@ pub fn cross_validation_of_object(scene: &Scene, checked: &ObjectCrossValidation
         iou: checked.iou()?,
         views: checked.predictions.len(),
         edge_error: checked.edge_error().filter(|x| x.is_finite()),
-        odd_view: checked.odd_view().and_then(|odd| frame(odd.frame_index)),
+        suspect_view: checked.suspect_view().and_then(|odd| frame(odd.frame_index)),
         ..Default::default()
     })
 }
@@ -80,26 +87,29 @@ fn object(scene: &Scene, estimate: &Estimate, checked: Option<&ObjectCrossValida
         views_rejected: estimate
             .views
             .iter()
-            .filter(|v| v.rejected_because.is_some())
+            .filter(|v| v.rejection_reason.is_some())
             .map(|v| frame_id(v.frame_index))
             .collect(),
         residual_px: estimate.rms_residual_px().filter(finite).map(figure),
         alternatives: estimate.alternatives.iter().filter_map(alternative).collect(),
-        misfit: estimate.misfit.filter(|m| finite(&m.deviations) && finite(&m.relative)).map(|m| MisfitRecord {
-            deviations: figure(m.deviations),
-            relative: figure(m.relative),
-            ..Default::default()
-        }),
+        goodness_of_fit: estimate
+            .goodness_of_fit
+            .filter(|m| finite(&m.normalized_residual) && finite(&m.relative_residual))
+            .map(|m| GoodnessOfFitRecord {
+                normalized_residual: figure(m.normalized_residual),
+                relative_residual: figure(m.relative_residual),
+                ..Default::default()
+            }),
         view_residuals_px: estimate
             .views
             .iter()
             .map(|view| ViewRecord {
                 frame: frame_id(view.frame_index),
                 residual_px: view.residual_px.filter(finite).map(figure),
-                deviations: view.deviations.filter(finite).map(figure),
+                normalized_residual: view.normalized_residual.filter(finite).map(figure),
                 inlier: view.inlier,
                 predicted_iou: checked.and_then(|c| Some(figure(c.of_frame(view.frame_index)?.iou))),
-                rejected_because: view.rejected_because.map(|reason| reason.name().to_owned()),
+                rejection_reason: view.rejection_reason.map(|reason| reason.name().to_owned()),
                 ..Default::default()
             })
             .collect(),
@@ -176,7 +186,7 @@ mod tests {
                 ViewReport {
                     residual_px: Some(f64::NAN),
                     inlier: false,
-                    rejected_because: Some(Rejection::Residual),
+                    rejection_reason: Some(Rejection::Residual),
                     ..ViewReport::without_body(1)
                 },
             ],
@@ -203,7 +213,7 @@ mod tests {
         let estimates: Vec<_> = bodies.into_iter().enumerate().map(|(i, body)| estimate(i, body)).collect();
         let localization = Localization { estimates: estimates.clone(), ..Default::default() };
         let objects = estimates_to_objects(&scene(), &localization).collect::<Vec<_>>();
-        let file = SceneFile::default().with_results(objects, serde_json::json!({"method": "map"}));
+        let file = SceneFile::default().with_results(objects, serde_json::json!({"method": "posterior"}));
         let mut bytes = Vec::new();
         crate::scene_file::write_scene(&file, &mut bytes).unwrap();
         let back = crate::scene_file::parse_scene_file("a.json".as_ref(), &bytes).unwrap();
@@ -233,7 +243,7 @@ mod tests {
         assert_eq!((record.views_used, record.residual_px), (Some(1), Some(1.5)));
         assert_eq!(record.views_rejected, ["f1"]);
         assert_eq!(record.view_residuals_px[1].residual_px, None);
-        assert_eq!(record.view_residuals_px[1].rejected_because.as_deref(), Some("residual"));
+        assert_eq!(record.view_residuals_px[1].rejection_reason.as_deref(), Some("residual"));
         assert_eq!(record.warnings, ["only two views: the shape rests on the prior"]);
         assert!((record.center_sd.unwrap() - 0.1).abs() < 1e-15);
     }

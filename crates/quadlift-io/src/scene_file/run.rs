@@ -3,7 +3,7 @@
 use quadlift::Localization;
 use quadlift::geometry::{BodyKind, CamFromWorld, Projection};
 use quadlift::nalgebra::Matrix3x4;
-use quadlift::solve::{Estimate, Sigmas, Status};
+use quadlift::solve::{Estimate, NoiseModel, Status};
 use serde_json::{Value, json};
 
 use super::records::SceneFile;
@@ -24,19 +24,19 @@ impl SceneFile {
     ///
     /// # Errors
     /// [`EntryError`] when it reports none, or what is none.
-    pub fn noise_levels(&self) -> Result<Sigmas, EntryError> {
+    pub fn noise_levels(&self) -> Result<NoiseModel, EntryError> {
         let entry = "localization.noise";
         let levels = self.localization.as_ref().and_then(|about| about.get("noise")?.as_object());
-        let levels = levels
-            .filter(|levels| !levels.is_empty())
-            .ok_or_else(|| EntryError::new(entry, "there are no noise levels; expected a result of the method map"))?;
+        let levels = levels.filter(|levels| !levels.is_empty()).ok_or_else(|| {
+            EntryError::new(entry, "there are no noise levels; expected a result of the method posterior")
+        })?;
         let number = |(name, value): (&String, &Value)| {
             let problem = || format!("\"{name}\" is {value}; expected a number");
             value.as_f64().map(|x| (name.clone(), x)).ok_or_else(|| EntryError::new(entry, problem()))
         };
         let levels = levels.iter().map(number).collect::<Result<Vec<_>, _>>()?;
         let levels = levels.iter().map(|(name, x)| (name.as_str(), *x));
-        Sigmas::new(levels).map_err(|error| EntryError::new(entry, error))
+        NoiseModel::new(levels).map_err(|error| EntryError::new(entry, error))
     }
 
     /// The same with the corrected poses of its frames, in the order of the scene; the given ones are kept beside them.

@@ -21,7 +21,7 @@ const RECORDS: [&str; 18] = [
     "ellipse",
     "frames",
     "mask",
-    "misfit",
+    "goodness_of_fit",
     "objects",
     "oriented_box",
     "point_cloud",
@@ -35,10 +35,10 @@ const RECORDS: [&str; 18] = [
 #[rustfmt::skip]
 const PLAIN: [&str; 70] = [
     "angle", "box", "cam_from_world", "camera", "category", "center", "center_sd", "confidence", "coordinates",
-    "counts", "truncated_by_border", "deviations", "direction", "distance", "edge_error", "format", "frame", "half_extents", "half_height",
+    "counts", "truncated_by_border", "normalized_residual", "direction", "distance", "edge_error", "format", "frame", "half_extents", "half_height",
     "height", "id", "image", "inlier", "iou", "length_unit", "log_odds", "matrix", "median", "method", "model", "name",
-    "notes", "object", "observed_pixels", "observed_points", "occluded", "odd_view", "outline", "params", "path", "points", "polygons", "predicted_iou", "projection", "radii",
-    "reason", "rejected_because", "relative", "residual_px", "rotation", "scale", "score", "semi_axes", "size", "source",
+    "notes", "object", "observed_pixels", "observed_points", "occluded", "suspect_view", "outline", "params", "path", "points", "polygons", "predicted_iou", "projection", "radii",
+    "reason", "rejection_reason", "relative_residual", "residual_px", "rotation", "scale", "score", "semi_axes", "size", "source",
     "status", "support_exponent", "time", "touches_other_masks", "transform", "truncated", "up", "value", "version", "views",
     "views_rejected", "views_used", "visible_fraction", "warnings", "width",
 ];
@@ -194,7 +194,7 @@ mod tests {
             "mine": [1, 2.5, "three", null, true, [-4], {"five": 5}],
             "frames": [{"id": "a", "cam_from_world": [[1, 0, 0, 0]], "mine": 6}, {"id": "b"}],
             "detections": [{"box": [1, 2, 3, 4], "mask": {"rle": {"size": [1, 1], "counts": [1, 2], "x": 7}}}],
-            "localization": {"noise": {"edge_px": 1.0}},
+            "localization": {"noise": {"edge_noise_px": 1.0}},
         });
         // Lists and objects count too: 10 of the first, 1, 1, and 3 of the last.
         assert_eq!(left_of(&text.to_string(), 100), Some(85));
@@ -209,7 +209,7 @@ mod tests {
         let scene = generate(&made).unwrap().scene;
         for kind in BodyKind::ALL {
             let mut options = quadlift::LocalizeOptions::default();
-            options.method.map_options_mut().unwrap().body = Some(kind);
+            options.method.posterior_options_mut().unwrap().body = Some(kind);
             options.cross_validation.extent = quadlift::cross_validation::Extent::All;
             let found = quadlift::localize(&scene, &options).unwrap();
             let objects = super::super::estimates_to_objects(&scene, &found).collect();

@@ -237,7 +237,7 @@ mod tests {
         assert_eq!(std::fs::read(&path).unwrap(), at_once);
         let full = parse_scene_file(&path, &at_once).unwrap();
         assert_eq!(full.objects.len(), 5);
-        run.write(&path, Detail::Brief, None).unwrap();
+        run.write(&path, Detail::Compact, None).unwrap();
         let brief = parse_scene_file(&path, &std::fs::read(&path).unwrap()).unwrap();
         assert!(std::fs::metadata(&path).unwrap().len() < at_once.len() as u64 / 2);
         for (brief, full) in brief.objects.iter().zip(full.objects) {

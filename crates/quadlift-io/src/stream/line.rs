@@ -10,19 +10,19 @@ use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::error::{EntryError, ReadError, escape};
-use crate::instants::instants;
 use crate::numbers;
 use crate::scene_file::{
     Box3dRecord, CameraRecord, CueSourceRecord, DepthRecord, DetectionRecord, FrameRecord, OrientedBoxRecord,
     SceneFile, parse_json_line,
 };
+use crate::time_steps::time_steps;
 
 /// What a line says.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Line {
     /// Name, unit, direction and cameras, as in scene files. They hold from this line on.
     pub about: AboutRecord,
-    /// Frames of one instant, in the order of the line.
+    /// Frames of one time step, in the order of the line.
     pub frames: Vec<FrameLine>,
     /// New poses of earlier frames.
     pub poses: Option<Vec<PoseRecord>>,
@@ -303,12 +303,12 @@ impl Members {
 pub fn scene_to_frames(file: SceneFile, scene: &Scene, source: Option<u32>) -> (AboutRecord, Vec<FrameLine>) {
     let SceneFile { name, length_unit, up, cameras, frames, detections, cue_sources, .. } = file;
     let has_times = frames.iter().all(|frame| frame.time.is_some_and(f64::is_finite));
-    let instants = instants(&frames);
+    let time_steps = time_steps(&frames);
     let mut lines: Vec<FrameLine> = frames
         .into_iter()
-        .zip(instants)
-        .map(|(record, instant)| {
-            let time = record.time.filter(|_| has_times).or(Some(instant as f64));
+        .zip(time_steps)
+        .map(|(record, time_step)| {
+            let time = record.time.filter(|_| has_times).or(Some(time_step as f64));
             FrameLine { record: FrameRecord { time, ..record }, ..Default::default() }
         })
         .collect();
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_of_a_rig_without_times_are_of_one_instant() {
+    fn frames_of_a_rig_without_times_are_of_one_time_step() {
         let pose = serde_json::json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]);
         let frame = |id: &str, rig_frame: u32| serde_json::json!({"id": id, "camera": "c", "cam_from_world": pose, "rig_frame": rig_frame});
         let text = serde_json::json!({

@@ -9,8 +9,8 @@ use quadlift::geometry::{CamFromWorld, quaternion_from_rotation};
 use super::Document;
 use super::format::{ExportFormat, Writer};
 use crate::error::EntryError;
-use crate::instants::instants;
 use crate::scene_file::{FrameRecord, SceneFile};
+use crate::time_steps::time_steps;
 use crate::wording::count;
 
 /// Names of the files of a COLMAP model, in the order of [`colmap_model`].
@@ -88,7 +88,7 @@ pub(super) fn tum(file: &SceneFile, camera: Option<&str>) -> Result<Document, En
     if !timed {
         notes.push("frames have no times: their numbers from 0 are written instead".to_owned());
     }
-    let numbers = instants(&file.frames);
+    let numbers = time_steps(&file.frames);
     let time = |posed: &Posed| posed.frame.time.filter(|_| timed).unwrap_or(numbers[posed.index] as f64);
     frames.sort_by(|a, b| time(a).total_cmp(&time(b)));
     let mut text = String::from("# time tx ty tz qx qy qz qw\n");

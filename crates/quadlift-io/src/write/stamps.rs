@@ -1,8 +1,8 @@
 //! Times of frames in whole nanoseconds.
 
 use super::CheckedScene;
-use crate::instants::instants;
 use crate::scene_file::FrameRecord;
+use crate::time_steps::time_steps;
 
 /// Nanoseconds of a second.
 pub(super) const SECOND: i64 = 1_000_000_000;
@@ -16,7 +16,7 @@ pub(super) fn stamps(scene: &CheckedScene, notes: &mut Vec<String>) -> Vec<i64> 
         if !frames.is_empty() {
             notes.push("not every frame has a time: they are a second apart, from 0 on".to_owned());
         }
-        return instants(frames).into_iter().map(|instant| instant as i64 * SECOND).collect();
+        return time_steps(frames).into_iter().map(|time_step| time_step as i64 * SECOND).collect();
     }
     let stamp = |frame: &FrameRecord| {
         let time = frame.time.unwrap_or_default();

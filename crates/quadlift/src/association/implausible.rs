@@ -8,10 +8,10 @@ use super::search::state::State;
 use super::statistics::median;
 use super::warning::AssociationWarning;
 
-/// Ratio of the longest to the shortest semi-axis above which an object is doubtful if its category has no statistics.
+/// Ratio of the longest to the shortest semi-axis above which an object is uncertain if its category has no statistics.
 const LARGEST_ASPECT: f64 = 8.0;
 
-/// Combined deviation from the typical values, in standard deviations, above which an object is doubtful.
+/// Combined deviation from the typical values, in standard deviations, above which an object is uncertain.
 const LARGEST_DEVIATION: f64 = 3.0;
 
 /// Minimum number of objects to estimate the typical values.
@@ -24,10 +24,10 @@ const LEAST_ASPECT_SD: f64 = 0.3;
 /// Standard deviation of the logarithm of the evidence per view.
 const LOG_EVIDENCE_SD: f64 = 0.35;
 
-/// Log odds by the scores of its boxes below which an object is doubtful: a probability of one in four.
+/// Log odds by the scores of its boxes below which an object is uncertain: a probability of one in four.
 const LEAST_SCORE_LOG_ODDS: f64 = -1.1;
 
-/// For each object, why it is doubtful, if it is.
+/// For each object, why it is uncertain, if it is.
 pub(crate) fn doubts(context: &AssociationContext, state: &State) -> Vec<Option<AssociationWarning>> {
     let objects = &state.objects;
     let per_view: Vec<f64> = objects
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn an_object_is_doubtful_for_its_length_its_size_or_its_evidence() {
+    fn an_object_is_uncertain_for_its_length_its_size_or_its_evidence() {
         assert_eq!(doubt_about(8, |_| ()), None);
         assert_eq!(doubt_about(8, |o| stretched(o, 1.0, 4.0)), Some(AssociationWarning::Elongated));
         assert_eq!(doubt_about(8, |o| stretched(o, 1.8, 1.0)), Some(AssociationWarning::UnusualSize));

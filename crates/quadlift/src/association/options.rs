@@ -26,7 +26,7 @@ pub enum Part {
     Nested,
     /// The search runs twice, the second time with the learned statistics.
     SecondPass,
-    /// A reason for doubtful objects.
+    /// A reason for uncertain objects.
     Warning(AssociationWarning),
 }
 
@@ -49,7 +49,7 @@ pub struct AssociateOptions {
     /// The part of the standard deviation of box edges that does not depend on the box size, in pixels: slack for bodies that
     /// are not ellipsoids and for pose errors. `None` selects 2, 4 or 8 (docs/method.md, section 15.7). Use 1 for exact
     /// synthetic boxes. An estimate from the residuals was tried: it is too small, because they do not show pose errors.
-    pub pixel_sd: Option<f64>,
+    pub edge_noise_px: Option<f64>,
     /// Sizes by category, if known. Other priors are not used: they did not help.
     pub priors: CategoryPriors,
     /// Search from several starts. About four times as slow. It helps with few views (F1 .985 to .996 with 6 views) and hardly
@@ -69,7 +69,7 @@ impl Default for AssociateOptions {
             min_views: 3,
             min_score: None,
             max_overlap: None,
-            pixel_sd: None,
+            edge_noise_px: None,
             priors: CategoryPriors::default(),
             thorough: false,
             without: None,
@@ -127,7 +127,7 @@ impl AssociateOptions {
         {
             return refuse("maximum overlap", overlap, "a number from 0 to 1");
         }
-        if let Some(sd) = self.pixel_sd
+        if let Some(sd) = self.edge_noise_px
             && !(sd.is_finite() && sd > 0.0)
         {
             return refuse("standard deviation in pixels", sd, "a positive number");

@@ -57,7 +57,7 @@ pub struct AssociatedObject {
     /// The quick fit of the association, in the world; the estimators give a better one.
     pub ellipsoid: Option<Ellipsoid>,
     /// Why it may not be one standing object.
-    pub doubtful: Option<AssociationWarning>,
+    pub uncertain: Option<AssociationWarning>,
 }
 
 /// The result for a scene.
@@ -74,9 +74,9 @@ pub struct Association {
     /// Unassigned detections.
     pub clutter: usize,
     /// Standard deviation of box edges relative to the mean half size of the box, as the objects show it.
-    pub edge_sd: f64,
+    pub edge_noise: f64,
     /// The size-independent part of the standard deviation of box edges, pixels: given or selected.
-    pub pixel_sd: f64,
+    pub edge_noise_px: f64,
     /// Standard deviation of the shifts of whole frames due to pose errors, pixels.
     pub frame_shift_sd: f64,
 }
@@ -142,8 +142,8 @@ pub(crate) fn collect(scene: &Scene, detections: &[usize], context: &Association
     found.sort_by(|a, b| a.members.first().cmp(&b.members.first()));
     let mut association = Association {
         object_of_detection: vec![None; scene.detections.len()],
-        edge_sd: state.statistics.edge_sd,
-        pixel_sd: state.statistics.pixel_sd,
+        edge_noise: state.statistics.edge_noise,
+        edge_noise_px: state.statistics.edge_noise_px,
         frame_shift_sd: state.statistics.shift_sd,
         clutter: detections.len().saturating_sub(found.iter().map(|f| f.members.len()).sum()),
         ..Default::default()
@@ -167,7 +167,7 @@ pub(crate) fn collect(scene: &Scene, detections: &[usize], context: &Association
             expected_views: object.map_or(0, |o| o.visible).max(members.len()),
             evidence: object.map(|o| evidence(&context.rate, observations, &state.statistics, o)),
             ellipsoid,
-            doubtful: doubt,
+            uncertain: doubt,
         });
     }
     association.outcome = if association.objects.is_empty() { Outcome::NothingAgrees } else { Outcome::Found };

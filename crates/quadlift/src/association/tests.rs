@@ -57,7 +57,7 @@ fn objects_are_found_without_ids() {
     let found: Vec<_> = association.objects.iter().map(|o| o.ellipsoid).collect();
     let found = score_found(&found, &truth, 0.25);
     assert!(found.recall().unwrap() > 0.97 && found.precision().unwrap() > 0.97, "{found:?}");
-    assert!((association.edge_sd - 0.05).abs() < 0.01, "{}", association.edge_sd);
+    assert!((association.edge_noise - 0.05).abs() < 0.01, "{}", association.edge_noise);
     // What is reported fits together.
     for (index, object) in association.objects.iter().enumerate() {
         let members = association.object_of_detection.iter().filter(|&&o| o == Some(index as u32)).count();
@@ -66,8 +66,8 @@ fn objects_are_found_without_ids() {
     }
     let assigned = association.object_of_detection.iter().flatten().count();
     assert_eq!(assigned + association.clutter, synthetic.scene.detections.len());
-    let doubtful = association.objects.iter().filter(|o| o.doubtful.is_some()).count();
-    assert!(doubtful <= 2, "{doubtful}");
+    let uncertain = association.objects.iter().filter(|o| o.uncertain.is_some()).count();
+    assert!(uncertain <= 2, "{uncertain}");
 }
 
 #[test]
@@ -282,7 +282,7 @@ fn senseless_options_are_refused() {
     assert!(refused(|o| o.min_views = 1).contains("at least 2"));
     assert!(refused(|o| o.min_score = Some(f64::NAN)).contains("minimum score"));
     assert!(refused(|o| o.max_overlap = Some(1.5)).contains("from 0 to 1"));
-    assert!(refused(|o| o.pixel_sd = Some(-1.0)).contains("positive"));
+    assert!(refused(|o| o.edge_noise_px = Some(-1.0)).contains("positive"));
     assert!(refused(|o| o.source = Some("yolo".into())).contains("no detections of the source"));
 }
 
@@ -292,18 +292,18 @@ fn as_much_slack_is_taken_as_costs_little() {
     let slack = |make: &SyntheticOptions| {
         let (division, _, association) = score(make, &AssociateOptions::default());
         assert!(division.f1 > 0.9, "{division:?}");
-        association.pixel_sd
+        association.edge_noise_px
     };
     assert_eq!(slack(&SyntheticOptions { views: 4, ..base(0) }), 2.0);
     assert_eq!(slack(&base(0)), 2.0);
     assert!(slack(&SyntheticOptions { distance: 80.0, ..base(0) }) >= 4.0);
-    let given = AssociateOptions { pixel_sd: Some(3.0), ..Default::default() };
-    assert_eq!(run(&generate(&base(0)).unwrap().scene, &given).pixel_sd, 3.0);
+    let given = AssociateOptions { edge_noise_px: Some(3.0), ..Default::default() };
+    assert_eq!(run(&generate(&base(0)).unwrap().scene, &given).edge_noise_px, 3.0);
 }
 
 /// What a detector sees again and again in one place and hardly believes in.
 #[test]
-fn objects_with_low_scores_are_doubtful() {
+fn objects_with_low_scores_are_uncertain() {
     let scored = |score: f64| {
         let make = SyntheticOptions { objects: 8, detector: Detector::default(), ..base(4) };
         let mut synthetic = generate(&make).unwrap();
@@ -312,7 +312,7 @@ fn objects_with_low_scores_are_doubtful() {
         }
         let association = run(&synthetic.scene, &AssociateOptions::default());
         let first = synthetic.true_objects.iter().position(|object| *object == Some(0)).unwrap();
-        let found = association.object_of_detection[first].map(|object| association.objects[object as usize].doubtful);
+        let found = association.object_of_detection[first].map(|object| association.objects[object as usize].uncertain);
         (association.objects.len(), found)
     };
     assert_eq!(scored(0.9), (8, Some(None)));
@@ -431,7 +431,7 @@ fn a_mass_of_boxes_takes_bounded_time() {
 }
 
 #[test]
-fn what_moves_is_doubtful_or_no_object() {
+fn what_moves_is_uncertain_or_no_object() {
     let make = SyntheticOptions { views: 60, objects: 38, trajectory: Trajectory::Street, ..base(3) };
     let mut synthetic = generate(&make).unwrap();
     let standing = true_objects(&synthetic);
@@ -462,7 +462,7 @@ fn what_moves_is_doubtful_or_no_object() {
     let mut trusted = 0;
     for &index in &moving {
         let object = association.object_of_detection[index].map(|o| &association.objects[o as usize]);
-        trusted += usize::from(object.is_some_and(|o| o.doubtful.is_none()));
+        trusted += usize::from(object.is_some_and(|o| o.uncertain.is_none()));
     }
     assert!(trusted * 2 < moving.len(), "{trusted} of {} boxes of what moves", moving.len());
 }

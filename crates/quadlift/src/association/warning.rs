@@ -1,4 +1,4 @@
-//! Reasons why an object is doubtful: a closed list that files and programs may rely on.
+//! Reasons why an object is uncertain: a closed list that files and programs may rely on.
 
 /// Why an object may be moving or be several objects.
 ///

@@ -4,7 +4,7 @@
 //! predicted. The agreement of measured and predicted boxes (IoU, errors of the edges) detects overfitting, which
 //! residuals cannot: a body that fits three boxes closely has small residuals, but may predict a fourth one badly.
 //! Noise levels, the kind of body, the ground plane and pose corrections stay as estimated from all views; to evaluate
-//! noise levels, pass them ([`crate::solve::MapOptions::sigmas`]) and compare the errors.
+//! noise levels, pass them ([`crate::solve::PosteriorOptions::noise_model`]) and compare the errors.
 //!
 //! [`crate::localize()`] does it for a few views of each scene, or for all of them ([`Extent`]).
 

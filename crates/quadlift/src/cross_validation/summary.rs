@@ -53,7 +53,7 @@ impl ObjectCrossValidation {
 
     /// The outlier view: a fit to the other views agrees with each of them much better than with it. This needs at
     /// least four views; the worst of several is reported.
-    pub fn odd_view(&self) -> Option<&Prediction> {
+    pub fn suspect_view(&self) -> Option<&Prediction> {
         self.predictions.get(self.odd?)
     }
 }

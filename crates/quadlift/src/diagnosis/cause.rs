@@ -60,6 +60,8 @@ pub enum CauseName {
     DuplicatePoses,
     /// The boxes of some frames contradict those of the others.
     ContradictingFrames,
+    /// The detections of one camera of a rig are of another time step than those of the other cameras.
+    CameraOffset,
     /// The trajectory changes its scale.
     ScaleJump,
     /// `up` is not the direction in which the cameras are upright.
@@ -80,7 +82,7 @@ pub enum CauseName {
 
 impl CauseName {
     /// All causes.
-    pub const ALL: [Self; 33] = [
+    pub const ALL: [Self; 34] = [
         Self::CameraToWorld,
         Self::OpenGlAxes,
         Self::OpenGlCameraToWorld,
@@ -106,6 +108,7 @@ impl CauseName {
         Self::ObjectIds,
         Self::DuplicatePoses,
         Self::ContradictingFrames,
+        Self::CameraOffset,
         Self::ScaleJump,
         Self::Up,
         Self::LengthUnit,
@@ -144,6 +147,7 @@ impl CauseName {
             Self::ObjectIds => "object_ids",
             Self::DuplicatePoses => "duplicate_poses",
             Self::ContradictingFrames => "contradicting_frames",
+            Self::CameraOffset => "camera_offset",
             Self::ScaleJump => "scale_jump",
             Self::Up => "up",
             Self::LengthUnit => "length_unit",
@@ -164,10 +168,10 @@ pub struct Cause {
     pub name: CauseName,
     /// Its parameter: the factor on focal lengths (`focal_length`), the factor on the box coordinates (`image_size`),
     /// the side of the letterboxed image in pixels (`letterbox`), the coefficient of a radial lens
-    /// (`missing_distortion`), the EXIF orientation (`picture_orientation`), the number of frames (`frame_offset`), the
-    /// fraction of the frames (`duplicate_poses`), the factor on the later part of the trajectory (`scale_jump`), the factor
+    /// (`missing_distortion`), the EXIF orientation (`picture_orientation`), the number of frames (`frame_offset`), of
+    /// time steps (`camera_offset`), the fraction of the frames (`duplicate_poses`), the factor on the later part of the trajectory (`scale_jump`), the factor
     /// on all lengths (`length_unit`), the noise in half sizes of the boxes (`edge_noise`), the mean IoU (`held_out_views`);
-    /// with [`Self::frames`] their share. Absent if the mistake has no parameter.
+    /// with [`Self::frames`] their share, but for `camera_offset`. Absent if the mistake has no parameter.
     pub value: Option<f64>,
     /// The correction, if there is one.
     pub correction: Option<Correction>,

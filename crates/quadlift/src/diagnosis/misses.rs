@@ -35,7 +35,7 @@ pub(crate) struct ReprojectionErrors {
 }
 
 impl ReprojectionErrors {
-    fn new(values: Vec<f64>, ends: Vec<usize>) -> Self {
+    pub(crate) fn new(values: Vec<f64>, ends: Vec<usize>) -> Self {
         let scale = scale_of(&values);
         let costs = values.iter().map(|miss| cost(*miss, scale)).collect();
         Self { values, ends, scale, costs }

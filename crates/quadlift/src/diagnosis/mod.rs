@@ -24,6 +24,7 @@ mod sample;
 pub(crate) mod misses;
 mod search;
 mod some_frames;
+mod rig_time;
 mod trajectory;
 mod upright;
 mod verdict;

@@ -2,7 +2,7 @@
 
 use super::{BoxFormat, CameraParts, CauseName, Correction, Diagnosis, Mistake, diagnose, diagnose_association};
 use crate::association::{AssociateOptions, associate};
-use crate::scene::{Frame, Scene};
+use crate::scene::{Frame, RigCamera, Scene};
 use crate::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
 
 fn scene(trajectory: Trajectory, seed: u64) -> Scene {
@@ -281,5 +281,55 @@ fn wrong_boxes_in_all_frames_are_no_wrong_frames() {
         };
         let diagnosis = diagnose(&generate(&options).unwrap().scene, |_| true);
         assert!(diagnosis.causes.iter().all(|cause| cause.frames.is_empty()), "{seed}: {diagnosis:?}");
+    }
+}
+
+/// A street whose images two cameras of a rig took in turn, with the detections of camera 1 moved by some time steps.
+fn rig_on_a_street(steps: i64, seed: u64) -> Scene {
+    let options = SyntheticOptions {
+        seed,
+        objects: 30,
+        views: 60,
+        trajectory: Trajectory::Street,
+        observations: Observations::Boxes,
+        noise: vec![Noise::BoxEdges(0.03)],
+        ..Default::default()
+    };
+    let mut parts = generate(&options).unwrap().scene.into_parts();
+    for (k, frame) in parts.frames.iter_mut().enumerate() {
+        frame.rig = Some(RigCamera { time_step: k as u64 / 2, camera: Some(k as u32 % 2) });
+    }
+    let frames = parts.frames.len() as i64;
+    parts.detections.retain_mut(|detection| {
+        let frame = i64::from(detection.frame_index);
+        let moved = if frame % 2 == 1 { frame + 2 * steps } else { frame };
+        detection.frame_index = moved.max(0) as u32;
+        (0..frames).contains(&moved)
+    });
+    Scene(parts)
+}
+
+#[test]
+fn a_camera_of_a_rig_that_is_late_is_named() {
+    for seed in 0..4 {
+        for steps in [0, 1, -1, 2] {
+            let given = rig_on_a_street(steps, seed);
+            let mut without = given.clone();
+            without.0.detections.iter_mut().for_each(|d| d.object_index = None);
+            let options = AssociateOptions::default();
+            let association = associate(&without, &options).unwrap();
+            let unnamed = diagnose_association(&without, &association, &options).unwrap();
+            for found in [diagnose(&given, |_| true), unnamed] {
+                if steps == 0 {
+                    assert!(found.consistent && found.causes.is_empty(), "{seed}: {found:?}");
+                    continue;
+                }
+                let [cause] = found.causes.as_slice() else { panic!("{seed} {steps}: {found:?}") };
+                // Which of two cameras is late nobody knows.
+                let expected = if cause.frames[0] == given.frames[0].id { steps } else { -steps };
+                assert!(!found.consistent && cause.name == CauseName::CameraOffset, "{seed} {steps}: {found:?}");
+                assert_eq!((cause.value, cause.frames.len()), (Some(expected as f64), 30), "{seed} {steps}");
+            }
+        }
     }
 }

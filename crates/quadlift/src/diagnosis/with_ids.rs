@@ -5,7 +5,7 @@ use super::cause::{Cause, CauseName};
 use super::sample::Sample;
 use super::some_frames::{are_many, some_frames};
 use super::verdict::{Diagnosis, of_search};
-use super::{object_ids, search, some_frames, trajectory};
+use super::{object_ids, rig_time, search, some_frames, trajectory};
 use crate::scene::{Detection, Scene};
 use crate::solve::RefinedPose;
 
@@ -83,6 +83,9 @@ pub(crate) fn of_boxes(scene: &Scene, is_used: impl Fn(&Detection) -> bool) -> D
     {
         let consistent = found.consistent && share < MANY_REPEATED;
         return without_correction(consistent, CauseName::DuplicatePoses, Some(share), before);
+    }
+    if let Some(cause) = rig_time::of_scene(scene, &is_used, true, before) {
+        return Diagnosis { consistent: false, agreement: Some(before), causes: vec![cause] };
     }
     let of_some = || {
         if !found.causes.is_empty() || before.share >= SOME_WRONG {

@@ -8,6 +8,7 @@ use super::agreement::{Agreement, FEWEST_BOXES};
 use super::cause::Cause;
 use super::correction::{BoxFormat, Correction};
 use super::hypotheses::{FAMILIES, discrete};
+use super::rig_time;
 use super::sample::{Sample, loose_boxes};
 use super::some_frames::{MAX_BOXES, are_many, some_frames_of_loose};
 use super::trials::{Trial, Tried, evidence, evidence_of};
@@ -57,7 +58,10 @@ pub fn diagnose_association(
     if let (true, Some(agreement)) = (found.consistent && found.causes.is_empty(), found.agreement) {
         let loose = loose_boxes(&named, is_used);
         let of_loose = || some_frames_of_loose(&Sample::with_at_most(&named, is_used, MAX_BOXES), &loose, agreement);
-        if let Some(cause) = (!loose.is_empty()).then(of_loose).flatten() {
+        if let Some(cause) = rig_time::of_scene(&named, is_used, false, agreement) {
+            found.consistent = false;
+            found.causes.push(cause);
+        } else if let Some(cause) = (!loose.is_empty()).then(of_loose).flatten() {
             found.consistent = !are_many(&cause);
             found.causes.push(cause);
         }

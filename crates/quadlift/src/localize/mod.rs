@@ -17,11 +17,12 @@ use crate::geometry::BodyKind;
 use crate::observer::{Observer, Watch};
 use crate::parallel::map_indices;
 use crate::scene::{Detection, Scene, SkippedDetections, SourceError};
-use crate::solve::map::{MapContext, PosePoints, PoseUnknowns, map};
 use crate::solve::plausible::warn_of_implausible_sizes;
+use crate::solve::posterior::{PosePoints, PoseUnknowns, PosteriorContext, posterior};
 use crate::solve::{
-    BORDER_MARGIN, CueScale, Estimate, Fold, FoldPrediction, LearnedCategorySize, MapOptions, OptionError,
-    POSE_NOISE_NAMES, PoseNoise, PosePointsReport, RefinedPose, Sigmas, ViewReport, predict_fold, solve_closed_form,
+    BORDER_MARGIN, CueScale, Estimate, Fold, FoldPrediction, LearnedCategorySize, NoiseModel, OptionError,
+    POSE_NOISE_NAMES, PoseNoise, PosePointsReport, PosteriorOptions, RefinedPose, ViewReport, predict_fold,
+    solve_closed_form,
 };
 use order::{FrameOrder, order_of_objects};
 use selection::Selection;
@@ -51,20 +52,20 @@ pub struct Localization {
     pub estimates: Vec<Estimate>,
     /// Skipped detections.
     pub skipped: SkippedDetections,
-    /// Noise levels, estimated from the scene's residuals or given ([`crate::solve::Method::Map`] only).
-    pub noise: Sigmas,
-    /// Root mean square corrections of the poses, where [`crate::solve::MapOptions::pose_noise`] asks for them.
+    /// Noise levels, estimated from the scene's residuals or given ([`crate::solve::Method::Posterior`] only).
+    pub noise: NoiseModel,
+    /// Root mean square corrections of the poses, where [`crate::solve::PosteriorOptions::pose_noise`] asks for them.
     pub pose_noise: Option<PoseNoise>,
     /// Frames over which the errors of poses last, 0 if those of frames are independent; found by [`crate::solve::PoseMotion::Auto`].
     pub pose_correlation_length: Option<f64>,
-    /// Corrections of the poses of the frames that show objects or points, where [`crate::solve::MapOptions::refine_poses`] or
-    /// [`crate::solve::MapOptions::pose_noise`] asks for them.
+    /// Corrections of the poses of the frames that show objects or points, where [`crate::solve::PosteriorOptions::refine_poses`] or
+    /// [`crate::solve::PosteriorOptions::pose_noise`] asks for them.
     pub refined_poses: Vec<RefinedPose>,
     /// The points from which poses were corrected beside the objects, if the scene has any.
     pub pose_points: Option<PosePointsReport>,
     /// Scales of the sources of depths and 3D boxes, if there are any and noise levels are not given.
     pub cue_scales: Vec<CueScale>,
-    /// Sizes of categories, where [`crate::solve::MapOptions::learn_sizes`] asks for them: one for each category and kind of body.
+    /// Sizes of categories, where [`crate::solve::PosteriorOptions::learn_sizes`] asks for them: one for each category and kind of body.
     pub learned_sizes: Vec<LearnedCategorySize>,
     /// The fitted kind of body, given or selected.
     pub body: Option<BodyKind>,
@@ -78,10 +79,9 @@ pub struct Localization {
 impl Localization {
     /// The noise levels by their names in results, pose noise last.
     pub fn noise_levels(&self) -> impl Iterator<Item = (&'static str, f64)> {
-        let of_poses = self
-            .pose_noise
-            .zip(self.pose_correlation_length)
-            .map(|(poses, memory)| POSE_NOISE_NAMES.into_iter().zip([poses.rotation_sd, poses.translation_sd, memory]));
+        let of_poses = self.pose_noise.zip(self.pose_correlation_length).map(|(poses, correlation_length)| {
+            POSE_NOISE_NAMES.into_iter().zip([poses.rotation_sd, poses.translation_sd, correlation_length])
+        });
         self.noise.levels().chain(of_poses.into_iter().flatten())
     }
 }
@@ -97,15 +97,15 @@ pub(crate) fn solve_objects(
     observer: &dyn Observer,
 ) -> Result<Localization, LocalizeError> {
     options.validate()?;
-    if let Some(map_options) = options.method.map_options() {
-        validate::check_up(map_options, scene)?;
+    if let Some(posterior_options) = options.method.posterior_options() {
+        validate::check_up(posterior_options, scene)?;
     }
     let sorted = FrameOrder::of(scene).and_then(|order| Some((order.apply(scene).ok()?, order)));
     let in_order = sorted.as_ref().map_or(scene, |(sorted, _)| sorted);
     let selection = Selection::new(in_order, options)?;
     let watch = Watch::new(observer, selection.objects.len());
-    let (mut localization, folds, predicted) = match options.method.map_options() {
-        Some(map_options) => refined(in_order, options, map_options, &selection, &watch),
+    let (mut localization, folds, predicted) = match options.method.posterior_options() {
+        Some(posterior_options) => refined(in_order, options, posterior_options, &selection, &watch),
         None => closed_form(options, &selection, &watch),
     };
     if watch.is_canceled() {
@@ -124,13 +124,11 @@ pub(crate) fn solve_objects(
     warn_of_implausible_sizes(estimates, &scene.categories, &options.plausible_sizes);
     let is_used = |d: &Detection| selection.is_used(d);
     localization.diagnosis = diagnose_refined(scene, &localization.refined_poses, is_used);
-    if let Some(map_options) = options.method.map_options() {
-        localization.diagnosis.check_lengths(scene, is_used, &map_options.priors);
+    if let Some(posterior_options) = options.method.posterior_options() {
+        localization.diagnosis.check_lengths(scene, is_used, &posterior_options.priors);
     }
-    let edge_noise = ["edge_relative", "ellipse_center"]
-        .into_iter()
-        .filter_map(|name| localization.noise.get(name))
-        .reduce(f64::max);
+    let edge_noise =
+        ["edge_noise", "ellipse_center"].into_iter().filter_map(|name| localization.noise.get(name)).reduce(f64::max);
     let held_out = &localization.cross_validation;
     let iou = held_out.iou().filter(|_| held_out.predictions().count() >= MIN_PREDICTIONS);
     localization.diagnosis.check_fit(edge_noise, iou);
@@ -150,14 +148,15 @@ fn folds_of(estimates: &[Estimate], options: &LocalizeOptions) -> Vec<Fold> {
 fn refined(
     scene: &Scene,
     options: &LocalizeOptions,
-    map_options: &MapOptions,
+    posterior_options: &PosteriorOptions,
     selection: &Selection,
     watch: &Watch,
 ) -> Solved {
-    let pose_unknowns = Arc::new(PoseUnknowns::of(&scene.frames, map_options.refine_extrinsics));
-    let corrects = map_options.refine_poses.is_some() || map_options.pose_noise.is_some();
-    let pose_points = if corrects { PosePoints::of(scene, &pose_unknowns, map_options) } else { PosePoints::default() };
-    let context = MapContext {
+    let pose_unknowns = Arc::new(PoseUnknowns::of(&scene.frames, posterior_options.refine_extrinsics));
+    let corrects = posterior_options.refine_poses.is_some() || posterior_options.pose_noise.is_some();
+    let pose_points =
+        if corrects { PosePoints::of(scene, &pose_unknowns, posterior_options) } else { PosePoints::default() };
+    let context = PosteriorContext {
         categories: &scene.categories,
         up: scene.up,
         pose_unknowns,
@@ -166,12 +165,12 @@ fn refined(
         seed: options.seed,
         has_cues: scene.detections.iter().any(|d| d.cues.is_some()),
         enclosing_quantile: options.enclosing_quantile,
-        options: map_options,
+        options: posterior_options,
         watch,
     };
     let choose = |estimates: &[Estimate]| folds_of(estimates, options);
     let order = order_of_objects(scene, &selection.objects);
-    let solution = map(order.len(), &|k| selection.views_of(order[k]), &context, &choose);
+    let solution = posterior(order.len(), &|k| selection.views_of(order[k]), &context, &choose);
     let mut estimates: Vec<_> = order.iter().zip(solution.estimates).collect();
     estimates.sort_by_key(|(place, _)| **place);
     let mut folds: Vec<_> = solution.folds.into_iter().zip(solution.predicted).collect();

@@ -2,17 +2,17 @@
 
 use super::measurement_kind::MeasurementKind;
 use crate::cross_validation::CrossValidationOptions;
-use crate::solve::{CategoryPriors, ENCLOSING_QUANTILE, MapOptions, Method};
+use crate::solve::{CategoryPriors, ENCLOSING_QUANTILE, Method, PosteriorOptions};
 
 /// Options of [`crate::localize()`].
 ///
 /// ```
 /// use quadlift::geometry::BodyKind;
-/// use quadlift::solve::MapOptions;
+/// use quadlift::solve::PosteriorOptions;
 /// use quadlift::LocalizeOptions;
 ///
 /// // The default estimator, cuboids only.
-/// let options = LocalizeOptions::from(MapOptions { body: Some(BodyKind::Cuboid), ..Default::default() });
+/// let options = LocalizeOptions::from(PosteriorOptions { body: Some(BodyKind::Cuboid), ..Default::default() });
 /// assert!(options.validate().is_ok());
 /// ```
 #[derive(Debug, Clone)]
@@ -36,7 +36,7 @@ pub struct LocalizeOptions {
     pub allow_inconsistent: bool,
     /// Sizes of categories: an object that is much longer or shorter than its category gets a warning
     /// ([`crate::solve::Warning::ImplausibleSize`]). Estimates do not depend on them, in contrast to the priors of
-    /// [`MapOptions`].
+    /// [`PosteriorOptions`].
     pub plausible_sizes: CategoryPriors,
     /// Seed of the random numbers.
     pub seed: u64,
@@ -68,8 +68,8 @@ impl From<Method> for LocalizeOptions {
     }
 }
 
-impl From<MapOptions> for LocalizeOptions {
-    fn from(options: MapOptions) -> Self {
-        Self::from(Method::Map(options))
+impl From<PosteriorOptions> for LocalizeOptions {
+    fn from(options: PosteriorOptions) -> Self {
+        Self::from(Method::Posterior(options))
     }
 }

@@ -18,7 +18,7 @@ impl FrameOrder {
     pub(super) fn of(scene: &Scene) -> Option<Self> {
         let ids: Vec<&str> = scene.frames.iter().map(|frame| frame.id.as_str()).collect();
         let places = natural_places(&ids);
-        let time = |frame: &Frame| frame.rig.map(|rig| (rig.instant, rig.camera));
+        let time = |frame: &Frame| frame.rig.map(|rig| (rig.time_step, rig.camera));
         let mut old: Vec<usize> = (0..ids.len()).collect();
         old.sort_by_key(|&index| (time(&scene.frames[index]), places[index]));
         (!old.is_sorted()).then_some(Self { old })
@@ -50,7 +50,7 @@ impl FrameOrder {
         found.refined_poses.iter_mut().for_each(|pose| pose.frame_index = self.old[pose.frame_index]);
         found.refined_poses.sort_by_key(|pose| pose.frame_index);
         for object in &mut found.cross_validation.objects {
-            let odd = object.odd_view().map(|odd| self.old[odd.frame_index]);
+            let odd = object.suspect_view().map(|odd| self.old[odd.frame_index]);
             object.predictions.iter_mut().for_each(|one| one.frame_index = self.old[one.frame_index]);
             object.predictions.sort_by_key(|one| one.frame_index);
             object.odd = odd.and_then(|odd| object.predictions.iter().position(|one| one.frame_index == odd));

@@ -32,7 +32,7 @@ impl<'a> Selection<'a> {
         }
         selection.groups = groups;
         // The closed forms do not use them.
-        let uses_hidden_edges = options.method.map_options().is_some_and(|map| map.occluded_edges);
+        let uses_hidden_edges = options.method.posterior_options().is_some_and(|map| map.occluded_edges);
         selection.hidden = scene.occluded_edges(|d| uses_hidden_edges && selection.is_of_source(d));
         selection.count();
         Ok(selection)
@@ -54,7 +54,7 @@ impl<'a> Selection<'a> {
 
     /// Whether it has what the method can use; with a 3D box alone only the refinement can.
     fn is_measured(&self, d: &Detection) -> bool {
-        let refines = self.options.method.map_options().is_some();
+        let refines = self.options.method.posterior_options().is_some();
         d.bounding_box.is_some() || d.ellipse.is_some() || (refines && d.is_measured())
     }
 
@@ -83,7 +83,7 @@ impl<'a> Selection<'a> {
 
     /// The views of a listed object, as the options have them; none if there are too few.
     pub(super) fn views_of(&self, k: usize) -> ObjectViews {
-        let map_options = self.options.method.map_options();
+        let posterior_options = self.options.method.posterior_options();
         let group = &self.groups[self.objects[k]];
         let mut object = self.scene.object_views(self.objects[k], group);
         for (view, &detection) in object.views.iter_mut().zip(group) {
@@ -91,11 +91,11 @@ impl<'a> Selection<'a> {
         }
         object.views.iter_mut().for_each(|view| self.options.measurements.keep_only(view));
         // The closed forms use the border as it is; the refinement accounts for detector errors near it.
-        if let Some(map_options) = map_options {
-            object.views.iter_mut().for_each(|view| *view = view.within_margin(map_options.border_margin));
+        if let Some(posterior_options) = posterior_options {
+            object.views.iter_mut().for_each(|view| *view = view.within_margin(posterior_options.border_margin));
         }
         // With a cue, or with a size and the ground, one view is enough for the refinement.
-        let least = if map_options.is_some() { 1 } else { self.options.method.min_views() };
+        let least = if posterior_options.is_some() { 1 } else { self.options.method.min_views() };
         if object.views.len() < self.options.min_views.max(least) {
             // Too few views: the solvers return a status.
             object.views.clear();

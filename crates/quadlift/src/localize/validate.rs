@@ -3,7 +3,7 @@
 use super::measurement_kind::MeasurementKind;
 use super::options::LocalizeOptions;
 use crate::scene::Scene;
-use crate::solve::{MapOptions, Method, OptionError, refuse};
+use crate::solve::{Method, OptionError, PosteriorOptions, refuse};
 
 impl LocalizeOptions {
     /// Validates the options, independent of a scene.
@@ -11,7 +11,7 @@ impl LocalizeOptions {
     /// # Errors
     /// [`OptionError`] names the first option that is out of range.
     pub fn validate(&self) -> Result<(), OptionError> {
-        if self.measurements == MeasurementKind::Mask && !matches!(self.method, Method::Map(_) | Method::Planes) {
+        if self.measurements == MeasurementKind::Mask && !matches!(self.method, Method::Posterior(_) | Method::Planes) {
             return refuse("only the methods map and planes use masks; the others use their ellipses");
         }
         if !(0.0..=1.0).contains(&self.enclosing_quantile) {
@@ -22,7 +22,7 @@ impl LocalizeOptions {
 }
 
 /// Rejects options that need the scene's `up` if it is missing.
-pub(super) fn check_up(options: &MapOptions, scene: &Scene) -> Result<(), OptionError> {
+pub(super) fn check_up(options: &PosteriorOptions, scene: &Scene) -> Result<(), OptionError> {
     if scene.up.is_some() || scene.frames.is_empty() {
         return Ok(());
     }
@@ -46,7 +46,7 @@ mod tests {
         }
         let masks = LocalizeOptions { measurements: MeasurementKind::Mask, ..LocalizeOptions::from(Method::Lfd) };
         assert!(masks.validate().unwrap_err().to_string().contains("masks"));
-        let of_method = LocalizeOptions::from(MapOptions { shape_sd: f64::NAN, ..Default::default() });
+        let of_method = LocalizeOptions::from(PosteriorOptions { shape_sd: f64::NAN, ..Default::default() });
         assert!(of_method.validate().unwrap_err().to_string().contains("shape prior"));
     }
 
@@ -55,8 +55,8 @@ mod tests {
         let mut scene = generate(&SyntheticOptions { objects: 1, views: 3, ..Default::default() }).unwrap().scene;
         scene.0.up = None;
         for options in [
-            MapOptions { camera_height: Some(1.6), ..Default::default() },
-            MapOptions { ground_plane: true, ..Default::default() },
+            PosteriorOptions { camera_height: Some(1.6), ..Default::default() },
+            PosteriorOptions { ground_plane: true, ..Default::default() },
         ] {
             assert!(check_up(&options, &scene).unwrap_err().to_string().contains("needs an \"up\" direction"));
         }

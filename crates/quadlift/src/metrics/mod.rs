@@ -16,11 +16,11 @@ mod reprojection;
 mod scores;
 mod evaluate;
 mod squared_errors;
-mod calibration;
+mod coverage;
 
 pub use association::{ClusteringScore, ObjectDetectionScore, pairwise_clustering_scores, score_found};
 pub use axes::{axis_error, center_error, main_axis_angle, rotation_error_modulo_symmetry, sorted_axes_error};
-pub use calibration::{Calibration, RegionPart};
+pub use coverage::{Coverage, RegionPart};
 pub use evaluate::{evaluate, evaluate_by_overlap};
 pub use iou_bodies::iou3d_bodies;
 pub use iou_cuboids::{cuboid_intersection_volume, iou3d_cuboids};

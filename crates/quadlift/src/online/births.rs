@@ -84,7 +84,7 @@ impl ObjectMap {
                 }
                 let mut observation = view.observation(0, &keyframe.shift);
                 observation.id = *input_id;
-                observation.locate(&inverse, keyframe.camera.focal);
+                observation.relocalize(&inverse, keyframe.camera.focal);
                 others.push((&keyframe.camera, observation, (recent, place)));
             }
         }

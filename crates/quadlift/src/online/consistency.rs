@@ -87,8 +87,6 @@ impl ObjectMap {
         let mut frames: Vec<RecentFrame> = self.windows.frames.iter().chain(&self.recent).cloned().collect();
         frames.sort_by_key(|frame| frame.key);
         let (found, is_quick) = self.diagnose_frames(&frames);
-        // Drift, and frames that contradict others for no known reason, may be those of a short part.
-        let is_mistake = |cause: &Cause| !matches!(cause.name, CauseName::ScaleJump | CauseName::ContradictingFrames);
         let is_unexplained = !found.consistent && !found.causes.iter().any(is_mistake);
         // The first explanation stays: that of the event.
         let is_first = self.windows.suspect.is_empty() || (self.diagnosis.causes.is_empty() && !is_unexplained);
@@ -113,7 +111,8 @@ impl ObjectMap {
         // Boxes that agree all the same: in a single window poses may drift.
         let drifts = wrong == 1 && is_unexplained && found.agreement.is_some_and(|agreement| agreement.miss < AGREES);
         let consistent = share(explained) < MAX_EXPLAINED && (share(wrong) <= MAX_WRONG || drifts);
-        if !is_part {
+        // The first frames alone count where they show a cause: objects that a mistake makes may agree with more frames.
+        if !is_part || !(found.consistent || is_unexplained) {
             (windows.checked, windows.explained, windows.unexplained) = (checked, explained, unexplained);
         }
         let was = windows.consistent.replace(consistent);
@@ -167,7 +166,7 @@ impl ObjectMap {
             ids: self.options.ids,
             wrong_id_share: self.options.wrong_id_share,
             min_views: self.options.min_views,
-            pixel_sd: self.options.pixel_sd,
+            edge_noise_px: self.options.edge_noise_px,
             priors: self.options.priors.clone(),
             ..AssociateOptions::default()
         };
@@ -215,7 +214,7 @@ impl ObjectMap {
                 expected_views: views,
                 evidence: tracked.map(|tracked| self.evidence_for_views(tracked) * views as f64),
                 ellipsoid: None,
-                doubtful: None,
+                uncertain: None,
             }
         });
         association.objects = described.collect();
@@ -226,6 +225,11 @@ impl ObjectMap {
     fn evidence_for_views(&self, tracked: &Tracked) -> f64 {
         self.evidence_of(tracked) / tracked.views.len().max(1) as f64
     }
+}
+
+/// Drift, and frames that contradict others for no known reason, may be those of a short part.
+fn is_mistake(cause: &Cause) -> bool {
+    !matches!(cause.name, CauseName::ScaleJump | CauseName::ContradictingFrames)
 }
 
 /// Numbers of things in the order in which they come.

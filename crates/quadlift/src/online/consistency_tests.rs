@@ -155,3 +155,24 @@ fn a_camera_that_stands_still_is_right() {
 fn with_frame(detection: &crate::scene::Detection, frame_index: u32) -> crate::scene::Detection {
     crate::scene::Detection { frame_index, ..detection.clone() }
 }
+
+#[test]
+fn what_the_first_frames_show_alone_stays() {
+    for (seed, noise, outlier_share) in [(200_002, 0.0, 0.05), (200_002, 0.01, 0.0), (0, 0.05, 0.3)] {
+        let options = SyntheticOptions {
+            objects: 10,
+            views: 60,
+            seed,
+            trajectory: Trajectory::Random,
+            observations: Observations::Boxes,
+            noise: vec![Noise::BoxEdges(noise)],
+            outlier_share,
+            ..Default::default()
+        };
+        let mut wrong = Mistake(Correction::OpenGlAxes).apply(&generate(&options).unwrap().scene);
+        wrong.0.detections.iter_mut().for_each(|d| d.object_index = None);
+        let mut map = map();
+        let updates = observe(&mut map, &wrong, 0..wrong.frames.len());
+        assert_eq!((told(&updates).len(), map.consistent()), (1, Some(false)), "{seed}");
+    }
+}

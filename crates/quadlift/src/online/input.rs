@@ -8,7 +8,7 @@ use crate::geometry::{Camera, Projection};
 use crate::scene::{self, CueError, OutlineError, Scene};
 use crate::solve::PoseNoise;
 
-/// A posed image at an instant.
+/// A posed image at a time step.
 #[derive(Debug, Clone)]
 pub struct Frame {
     /// Its id, by which [`super::ObjectMap::update_poses`] finds it again.

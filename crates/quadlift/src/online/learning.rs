@@ -28,7 +28,7 @@ impl ObjectMap {
         }
         self.running.next_learning = (LEARNING_GROWTH * self.running.assigned as f64) as i64 + 1;
         self.learn();
-        if self.options.pixel_sd.is_none() && self.running.assigned >= self.running.next_slack {
+        if self.options.edge_noise_px.is_none() && self.running.assigned >= self.running.next_slack {
             self.running.next_slack = (SLACK_GROWTH * self.running.assigned as f64) as i64;
             self.choose_slack();
         }
@@ -75,8 +75,8 @@ impl ObjectMap {
             }
             (chosen, best) = (*slack, evidence);
         }
-        if chosen != self.running.statistics.pixel_sd {
-            self.running.statistics.pixel_sd = chosen;
+        if chosen != self.running.statistics.edge_noise_px {
+            self.running.statistics.edge_noise_px = chosen;
             self.learn();
         }
     }
@@ -84,7 +84,7 @@ impl ObjectMap {
     /// Evidence of objects after a fit with this slack of edges.
     fn evidence_with_slack(&self, sample: &[Tracked], slack: f64) -> f64 {
         let (observations, mut statistics) = self.gather(sample.iter().flat_map(|t| &t.views));
-        statistics.pixel_sd = slack;
+        statistics.edge_noise_px = slack;
         let fitted: Vec<Object> = in_one_list(sample)
             .filter_map(|(t, boxes)| {
                 let fitted = fit(&observations, &statistics, boxes, &[Start::body(&t.object)])?;

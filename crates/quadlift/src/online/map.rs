@@ -135,7 +135,7 @@ impl ObjectMap {
     /// [`AssociateError::OutOfRange`] names the first option that is outside of its range.
     pub fn new(options: OnlineOptions) -> Result<Self, AssociateError> {
         options.validate()?;
-        let running = Running::new(options.pixel_sd.unwrap_or(FIRST_PIXEL_SD));
+        let running = Running::new(options.edge_noise_px.unwrap_or(FIRST_PIXEL_SD));
         Ok(Self {
             tally: IdTally::new(match options.ids {
                 IdPolicy::Trust => options.wrong_id_share.min(TRUSTED_WRONG_SHARE),

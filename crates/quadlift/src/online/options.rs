@@ -17,8 +17,8 @@ pub struct OnlineOptions {
     /// Skip detections with a lower score; those without a score are kept.
     pub min_score: Option<f64>,
     /// The part of the standard deviation of box edges that does not depend on the box size, pixels
-    /// ([`AssociateOptions::pixel_sd`]). `None` selects 2, 4 or 8 by the evidence of the objects.
-    pub pixel_sd: Option<f64>,
+    /// ([`AssociateOptions::edge_noise_px`]). `None` selects 2, 4 or 8 by the evidence of the objects.
+    pub edge_noise_px: Option<f64>,
     /// Sizes by category, if known.
     pub priors: CategoryPriors,
     /// Maximum number of views that an object keeps; at least 4. The least informative views are forgotten.
@@ -36,7 +36,7 @@ impl Default for OnlineOptions {
             wrong_id_share: batch.wrong_id_share,
             min_views: batch.min_views,
             min_score: None,
-            pixel_sd: None,
+            edge_noise_px: None,
             priors: CategoryPriors::default(),
             max_views: 32,
             max_objects: 100_000,
@@ -54,7 +54,7 @@ impl OnlineOptions {
             wrong_id_share: self.wrong_id_share,
             min_views: self.min_views,
             min_score: self.min_score,
-            pixel_sd: self.pixel_sd,
+            edge_noise_px: self.edge_noise_px,
             ..AssociateOptions::default()
         };
         batch.validate()?;
@@ -119,13 +119,13 @@ pub const ONLINE: &[Spec<OnlineOptions>] = &[
         ..ROW
     },
     Spec {
-        name: "pixel_sd",
+        name: "edge_noise_px",
         kind: Kind::Number(Range::Positive),
         help: "Error of box edges that does not depend on the size of the box, in pixels [default: 2, 4 or 8, selected as the evidence \
                grows]",
-        get: |o| o.pixel_sd.into(),
+        get: |o| o.edge_noise_px.into(),
         set: |o, value| {
-            o.pixel_sd = value.number();
+            o.edge_noise_px = value.number();
             Ok(())
         },
         ..ROW
@@ -165,7 +165,7 @@ mod tests {
             ("ids", "trust".into()),
             ("min_views", 5_usize.into()),
             ("min_score", 0.5.into()),
-            ("pixel_sd", 3.0.into()),
+            ("edge_noise_px", 3.0.into()),
             ("max_views", 8_usize.into()),
             ("max_objects", 9_usize.into()),
         ];
@@ -179,7 +179,7 @@ mod tests {
             wrong_id_share: _,
             min_views: _,
             min_score: _,
-            pixel_sd: _,
+            edge_noise_px: _,
             priors: _,
             max_views: _,
             max_objects: _,

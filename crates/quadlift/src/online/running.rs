@@ -50,7 +50,7 @@ pub(super) struct Running {
 }
 
 impl Running {
-    pub(super) fn new(pixel_sd: f64) -> Self {
+    pub(super) fn new(edge_noise_px: f64) -> Self {
         Self {
             frames: 0,
             repeated: 0,
@@ -67,7 +67,7 @@ impl Running {
             extent: [1.0, 1.0],
             next_learning: 6,
             next_slack: 60,
-            statistics: SceneStatistics::unlearned(pixel_sd),
+            statistics: SceneStatistics::unlearned(edge_noise_px),
             given_sizes: Vec::new(),
         }
     }

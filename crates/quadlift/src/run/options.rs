@@ -84,7 +84,7 @@ impl RunOptions {
         AssociateOptions {
             source: self.localize.source.clone(),
             ids,
-            priors: self.localize.method.map_options().map(|map| map.priors.clone()).unwrap_or_default(),
+            priors: self.localize.method.posterior_options().map(|map| map.priors.clone()).unwrap_or_default(),
             ..Default::default()
         }
     }

@@ -7,7 +7,7 @@ use crate::localize::MeasurementKind;
 use crate::names::UnknownName;
 use crate::options::Command::{Associate, Localize, Node, Python, Segment, Stream};
 use crate::options::{Command, Kind, Range, Spec, Value};
-use crate::solve::{MapOptions, Method, PoseMotion, PoseNoise, Sigmas};
+use crate::solve::{Method, NoiseModel, PoseMotion, PoseNoise, PosteriorOptions};
 
 const SELECTION: &str = "Selection of detections and measurements";
 const KNOWLEDGE: &str = "Knowledge about the scene";
@@ -15,7 +15,7 @@ const CORRECTIONS: &str = "Corrections of the scene";
 
 const LOCALIZE: &[Command] = &[Localize, Python];
 const MAPS: &[Command] = &[Localize, Python, Stream, Node];
-const OF_MAP: Option<(&str, &str)> = Some(("method", "map"));
+const OF_POSTERIOR: Option<(&str, &str)> = Some(("method", "posterior"));
 
 /// A row with what most have.
 const ROW: Spec<RunOptions> = Spec {
@@ -36,7 +36,7 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "method",
         kind: Kind::Choice(&Method::NAMES),
-        help: "Estimator: map (refinement, the best), planes, lfd and pfd (closed forms), reg (the regularized one)",
+        help: "Estimator: posterior (refinement, the best), planes, lfd and pfd (closed forms), reg (the regularized one)",
         group: "For research (the defaults are better)",
         whole_scene: false,
         get: |o| o.localize.method.name().into(),
@@ -68,9 +68,9 @@ pub const RUN: &[Spec<RunOptions>] = &[
         help: "Kind of body to fit: ellipsoid, cuboid, cylinder, superellipsoid:Q (Q from 1, cuboid, to 2, ellipsoid), or auto: \
                selected for each object, an ellipsoid without evidence for another kind",
         of: MAPS,
-        only: OF_MAP,
+        only: OF_POSTERIOR,
         whole_scene: false,
-        get: |o| of_map(o, |map| map.body.map_or_else(|| "auto".to_owned(), |body| body.to_string())),
+        get: |o| of_posterior(o, |of| of.body.map_or_else(|| "auto".to_owned(), |body| body.to_string())),
         set: |o, value| {
             let body = match value.text() {
                 Some("auto") => None,
@@ -80,7 +80,7 @@ pub const RUN: &[Spec<RunOptions>] = &[
                 ),
                 None => return Err("expected a kind of body".to_owned()),
             };
-            set_map(o, |map| map.body = body)
+            set_posterior(o, |of| of.body = body)
         },
         ..ROW
     },
@@ -96,10 +96,10 @@ pub const RUN: &[Spec<RunOptions>] = &[
         ..ROW
     },
     Spec {
-        name: "observations",
+        name: "measurement",
         kind: Kind::Choice(&MeasurementKind::NAMES),
         help: "Measurements to use: auto (what a detection has; if both, the box for position and size, the ellipse for shape), \
-               box, ellipse, box+ellipse, or mask (its outline, with map and planes; also outlines and turned boxes). Detections \
+               box, ellipse, box+ellipse, or mask (its outline, with posterior and planes; also outlines and turned boxes). Detections \
                without the selected measurement are skipped",
         group: SELECTION,
         get: |o| o.localize.measurements.name().into(),
@@ -172,11 +172,11 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "learn_sizes",
         help: "Learn the size of each category from its other objects; sizes of priors win",
-        only: OF_MAP,
-        get: |o| of_map(o, |map| map.learn_sizes),
+        only: OF_POSTERIOR,
+        get: |o| of_posterior(o, |of| of.learn_sizes),
         set: |o, value| {
             let flag = flag(&value)?;
-            set_map(o, |map| map.learn_sizes = flag)
+            set_posterior(o, |of| of.learn_sizes = flag)
         },
         ..ROW
     },
@@ -185,11 +185,11 @@ pub const RUN: &[Spec<RunOptions>] = &[
         help: "Detect which objects stand upright (with an axis along the scene's `up`)",
         group: KNOWLEDGE,
         of: MAPS,
-        only: OF_MAP,
-        get: |o| of_map(o, |map| map.upright),
+        only: OF_POSTERIOR,
+        get: |o| of_posterior(o, |of| of.upright),
         set: |o, value| {
             let flag = flag(&value)?;
-            set_map(o, |map| map.upright = flag)
+            set_posterior(o, |of| of.upright = flag)
         },
         ..ROW
     },
@@ -197,11 +197,11 @@ pub const RUN: &[Spec<RunOptions>] = &[
         name: "ground_plane",
         help: "All objects stand on a common ground plane, which is estimated (the scene needs `up`)",
         group: KNOWLEDGE,
-        only: OF_MAP,
-        get: |o| of_map(o, |map| map.ground_plane),
+        only: OF_POSTERIOR,
+        get: |o| of_posterior(o, |of| of.ground_plane),
         set: |o, value| {
             let flag = flag(&value)?;
-            set_map(o, |map| map.ground_plane = flag)
+            set_posterior(o, |of| of.ground_plane = flag)
         },
         ..ROW
     },
@@ -210,9 +210,9 @@ pub const RUN: &[Spec<RunOptions>] = &[
         kind: Kind::Number(Range::Positive),
         help: "Height of the cameras above the ground plane in world units, if known, such as 1.5",
         group: KNOWLEDGE,
-        only: OF_MAP,
-        get: |o| of_map(o, |map| map.camera_height),
-        set: |o, value| set_map(o, |map| map.camera_height = value.number()),
+        only: OF_POSTERIOR,
+        get: |o| of_posterior(o, |of| of.camera_height),
+        set: |o, value| set_posterior(o, |of| of.camera_height = value.number()),
         ..ROW
     },
     Spec {
@@ -221,11 +221,11 @@ pub const RUN: &[Spec<RunOptions>] = &[
         help: "Correct the poses together with the objects. Errors of frames are independent, or slow (GPS, drifting odometry); \
                auto decides by the boxes. Results have the corrected poses",
         group: KNOWLEDGE,
-        only: OF_MAP,
-        get: |o| of_map(o, |map| map.refine_poses.map(PoseMotion::name)),
+        only: OF_POSTERIOR,
+        get: |o| of_posterior(o, |of| of.refine_poses.map(PoseMotion::name)),
         set: |o, value| {
             let motion = value.text().map(|_| value.named()).transpose()?;
-            set_map(o, |map| map.refine_poses = motion)
+            set_posterior(o, |of| of.refine_poses = motion)
         },
         ..ROW
     },
@@ -234,12 +234,12 @@ pub const RUN: &[Spec<RunOptions>] = &[
         help: "Take the places of cameras in their rig as exact: refined poses are those of the rig alone (frames with the same \
                `rig_frame` are taken by one rig)",
         group: KNOWLEDGE,
-        only: OF_MAP,
+        only: OF_POSTERIOR,
         needs: Some("refine_poses"),
-        get: |o| of_map(o, |map| !map.refine_extrinsics),
+        get: |o| of_posterior(o, |of| !of.refine_extrinsics),
         set: |o, value| {
             let flag = flag(&value)?;
-            set_map(o, |map| map.refine_extrinsics = !flag)
+            set_posterior(o, |of| of.refine_extrinsics = !flag)
         },
         ..ROW
     },
@@ -249,36 +249,36 @@ pub const RUN: &[Spec<RunOptions>] = &[
         help: "Correct the poses: standard deviations of the rotation (radians) and shift (world units) of each frame, such as 0.01,0.05",
         group: KNOWLEDGE,
         of: MAPS,
-        only: OF_MAP,
+        only: OF_POSTERIOR,
         get: |o| {
-            of_map(o, |map| {
-                map.pose_noise.map_or(Value::Unset, |p| Value::Numbers(vec![p.rotation_sd, p.translation_sd]))
+            of_posterior(o, |of| {
+                of.pose_noise.map_or(Value::Unset, |p| Value::Numbers(vec![p.rotation_sd, p.translation_sd]))
             })
         },
         set: |o, value| {
             let noise = value.pair().map(|[rotation_sd, translation_sd]| PoseNoise { rotation_sd, translation_sd });
-            set_map(o, |map| map.pose_noise = noise)
+            set_posterior(o, |of| of.pose_noise = noise)
         },
         ..ROW
     },
     Spec {
-        name: "sigmas",
+        name: "noise_model",
         kind: Kind::Levels,
-        help: "Use given noise levels instead of estimating them, by name (edge_relative=0.03,edge_px=2), or those of an earlier \
+        help: "Use given noise levels instead of estimating them, by name (edge_noise=0.03,edge_noise_px=2), or those of an earlier \
                result. Objects are then estimated independently of each other",
         group: KNOWLEDGE,
-        only: OF_MAP,
+        only: OF_POSTERIOR,
         whole_scene: false,
-        get: |o| of_map(o, |map| Value::from(map.sigmas.as_ref())),
+        get: |o| of_posterior(o, |of| Value::from(of.noise_model.as_ref())),
         set: |o, value| {
-            let sigmas = match &value {
+            let noise_model = match &value {
                 Value::Levels(levels) => {
                     let levels = levels.iter().map(|(name, x)| (name.as_str(), *x));
-                    Some(Sigmas::new(levels).map_err(|error| error.to_string())?)
+                    Some(NoiseModel::new(levels).map_err(|error| error.to_string())?)
                 }
                 _ => None,
             };
-            set_map(o, |map| map.sigmas = sigmas)
+            set_posterior(o, |of| of.noise_model = noise_model)
         },
         ..ROW
     },
@@ -341,20 +341,20 @@ pub const RUN: &[Spec<RunOptions>] = &[
     },
 ];
 
-/// A value of [`MapOptions`], if the method is `map`.
-fn of_map<T: Into<Value>>(options: &RunOptions, get: impl FnOnce(&MapOptions) -> T) -> Value {
-    options.localize.method.map_options().map_or(Value::Unset, |map| get(map).into())
+/// A value of [`PosteriorOptions`], if the method is `posterior`.
+fn of_posterior<T: Into<Value>>(options: &RunOptions, get: impl FnOnce(&PosteriorOptions) -> T) -> Value {
+    options.localize.method.posterior_options().map_or(Value::Unset, |of| get(of).into())
 }
 
-/// Changes [`MapOptions`]; other methods have none.
-fn set_map(options: &mut RunOptions, set: impl FnOnce(&mut MapOptions)) -> Result<(), String> {
-    options.localize.method.map_options_mut().map(set);
+/// Changes [`PosteriorOptions`]; other methods have none.
+fn set_posterior(options: &mut RunOptions, set: impl FnOnce(&mut PosteriorOptions)) -> Result<(), String> {
+    options.localize.method.posterior_options_mut().map(set);
     Ok(())
 }
 
-impl From<&Sigmas> for Value {
-    fn from(sigmas: &Sigmas) -> Self {
-        Self::Levels(sigmas.levels().map(|(name, x)| (name.to_owned(), x)).collect())
+impl From<&NoiseModel> for Value {
+    fn from(noise_model: &NoiseModel) -> Self {
+        Self::Levels(noise_model.levels().map(|(name, x)| (name.to_owned(), x)).collect())
     }
 }
 
@@ -379,7 +379,7 @@ mod tests {
             }
             Kind::Numbers(names) => Value::Numbers((1..=names.len()).map(|k| 0.1 * k as f64).collect()),
             Kind::Text => "cylinder".into(),
-            Kind::Levels => Value::Levels(vec![("edge_relative".to_owned(), 0.03)]),
+            Kind::Levels => Value::Levels(vec![("edge_noise".to_owned(), 0.03)]),
         }
     }
 
@@ -389,7 +389,8 @@ mod tests {
             let value = other(row);
             assert_ne!(value, row.default(), "{}", row.name);
             let needed = row.needs.map(|name| (name, other(RUN.iter().find(|row| row.name == name).unwrap())));
-            let method = row.only.filter(|(_, method)| *method != "map").map(|(name, method)| (name, method.into()));
+            let method =
+                row.only.filter(|(_, method)| *method != "posterior").map(|(name, method)| (name, method.into()));
             let given: Vec<(&str, Value)> =
                 method.into_iter().chain(needed).chain([(row.name, value.clone())]).collect();
             let mut options = RunOptions::default();
@@ -416,7 +417,7 @@ mod tests {
             seed: _,
             cross_validation: _,
         } = localize;
-        let MapOptions {
+        let PosteriorOptions {
             body: _,
             priors: _,
             learn_sizes: _,
@@ -434,8 +435,8 @@ mod tests {
             refine_poses: _,
             refine_extrinsics: _,
             common_errors: _,
-            sigmas: _,
-        } = method.map_options().unwrap().clone();
+            noise_model: _,
+        } = method.posterior_options().unwrap().clone();
         // Without the priors, which are read from files, and the fields for experiments.
         let names: Vec<&str> = RUN.iter().map(|row| row.name).collect();
         let of_run = ["associate", "ids", "fix"];
@@ -445,7 +446,7 @@ mod tests {
             "min_views",
             "max_occluded",
             "max_truncated",
-            "observations",
+            "measurement",
             "allow_inconsistent",
             "seed",
             "cross_validate",
@@ -459,7 +460,7 @@ mod tests {
             "pose_noise",
             "refine_poses",
             "fixed_extrinsics",
-            "sigmas",
+            "noise_model",
             "reg_weight",
         ];
         let expected: Vec<&str> = of_run.into_iter().chain(of_localization).chain(of_method).collect();
@@ -475,11 +476,11 @@ mod tests {
         let lfd = ("method", Value::from("lfd"));
         assert_eq!(
             error(&[("camera_height", 1.0.into()), lfd.clone()], Spelling::Flag),
-            "--camera-height is an option of --method map only"
+            "--camera-height is an option of --method posterior only"
         );
         assert_eq!(
             error(&[lfd.clone(), ("upright", false.into())], Spelling::Keyword),
-            "upright is an option of method=\"map\" only"
+            "upright is an option of method=\"posterior\" only"
         );
         assert_eq!(
             error(&[("fixed_extrinsics", true.into())], Spelling::Flag),
@@ -499,7 +500,7 @@ mod tests {
         );
         // Defaults are options of every method.
         let mut options = RunOptions::default();
-        set_options(RUN, &[lfd, ("upright", true.into()), ("sigmas", Value::Unset)], &mut options, Spelling::Flag)
+        set_options(RUN, &[lfd, ("upright", true.into()), ("noise_model", Value::Unset)], &mut options, Spelling::Flag)
             .unwrap();
         assert_eq!(options.localize.method.name(), "lfd");
     }

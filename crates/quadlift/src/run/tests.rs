@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 use super::*;
 use crate::diagnosis::{BoxFormat, Correction, Diagnosis, Mistake};
-use crate::solve::{Estimate, MapOptions, Status};
+use crate::solve::{Estimate, PosteriorOptions, Status};
 use crate::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
 
 fn scene(noise: f64) -> Scene {
@@ -135,8 +135,10 @@ fn a_run_without_objects_says_why() {
     let count = unnamed.detections.len();
     let error = run(&mut unnamed.clone(), &options, &Unobserved).unwrap_err();
     assert_eq!(error, RunError::NothingToLocalize { detections: count, without_object: count });
-    let options =
-        RunOptions { localize: MapOptions { ground_plane: true, ..Default::default() }.into(), ..Default::default() };
+    let options = RunOptions {
+        localize: PosteriorOptions { ground_plane: true, ..Default::default() }.into(),
+        ..Default::default()
+    };
     let mut flat = scene(0.02).into_parts();
     flat.up = None;
     let error = run(&mut Scene::from_parts(flat).unwrap(), &options, &Unobserved).unwrap_err();

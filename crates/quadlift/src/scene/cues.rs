@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Rotation3, Vector3};
 
-/// What a detection tells besides its box and its ellipse. Solved by [`crate::solve::Method::Map`] only; the other methods do not
+/// What a detection tells besides its box and its ellipse. Solved by [`crate::solve::Method::Posterior`] only; the other methods do not
 /// use it (docs/method.md, section 19).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -36,7 +36,7 @@ pub struct SceneParts {
     /// Sources whose depths are lengths of the world, as those of points that were triangulated with its poses: no scale is estimated.
     /// Indices into `cue_sources`.
     pub scale_known: BTreeSet<u32>,
-    /// Points with the pixels in which frames observed them. They tell errors of poses ([`crate::solve::MapOptions::refine_poses`]).
+    /// Points with the pixels in which frames observed them. They tell errors of poses ([`crate::solve::PosteriorOptions::refine_poses`]).
     pub points: Vec<TrackedPoint>,
 }
 
@@ -56,12 +56,12 @@ pub struct Frame {
     pub rig: Option<RigCamera>,
 }
 
-/// When and by which camera of a rig an image was taken. The images of one instant have poses with a common error
-/// ([`crate::solve::MapOptions::refine_poses`]).
+/// When and by which camera of a rig an image was taken. The images of one time step have poses with a common error
+/// ([`crate::solve::PosteriorOptions::refine_poses`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RigCamera {
-    /// Number of the instant; greater ones are later.
-    pub instant: u64,
+    /// Number of the time step; greater ones are later.
+    pub time_step: u64,
     /// Number of the camera, from 0, if it is known which one.
     pub camera: Option<u32>,
 }

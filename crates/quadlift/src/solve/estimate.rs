@@ -70,7 +70,7 @@ pub enum Warning {
         /// Logarithm of the odds of the most probable other body against the reported one.
         log_odds: f64,
     },
-    /// The optimization stopped before reaching the best fit ([`super::Method::Map`] only).
+    /// The optimization stopped before reaching the best fit ([`super::Method::Posterior`] only).
     NotConverged,
     /// The longest extent is implausible for its category ([`crate::LocalizeOptions::plausible_sizes`]).
     ImplausibleSize {
@@ -150,13 +150,13 @@ pub struct ViewReport {
     /// Absent if the body has no outline in the view, or if no edge is used.
     pub residual_px: Option<f64>,
     /// Root mean square residual of the measurements used of the view, in standard deviations of the scene's noise,
-    /// which is relative to the size of the box: a large residual in pixels may be small here ([`super::Method::Map`]
+    /// which is relative to the size of the box: a large residual in pixels may be small here ([`super::Method::Posterior`]
     /// only).
-    pub deviations: Option<f64>,
+    pub normalized_residual: Option<f64>,
     /// Whether the view was used. If not, it is an outlier, or its object could not be solved.
     pub inlier: bool,
     /// Why it was rejected; absent if it was used or if the object could not be solved.
-    pub rejected_because: Option<Rejection>,
+    pub rejection_reason: Option<Rejection>,
 }
 
 impl ViewReport {
@@ -167,19 +167,19 @@ impl ViewReport {
 
     /// A used view without residuals, because the object has no body.
     pub fn without_body(frame_index: usize) -> Self {
-        Self { frame_index, residual_px: None, deviations: None, inlier: true, rejected_because: None }
+        Self { frame_index, residual_px: None, normalized_residual: None, inlier: true, rejection_reason: None }
     }
 }
 
 /// Residual statistics of an object over the used measurements.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Misfit {
+pub struct GoodnessOfFit {
     /// Root of the mean squared residual per degree of freedom, in standard deviations of the scene's noise: about one
     /// for objects with typical noise. With at least five views weighted as in the fit, so that gross errors have
     /// little effect.
-    pub deviations: f64,
+    pub normalized_residual: f64,
     /// Root of the mean squared residual per degree of freedom, relative to the half size of the measured boxes.
-    pub relative: f64,
+    pub relative_residual: f64,
     /// Degrees of freedom: residuals minus the degrees used by the fit.
     pub dof: f64,
 }
@@ -237,8 +237,8 @@ pub struct Estimate {
     /// Other bodies that fit the measurements about as well, the most probable first. For cuboids only; the covariance includes
     /// the spread between them.
     pub alternatives: Vec<Alternative>,
-    /// How far the measurements are from the body ([`super::Method::Map`] only).
-    pub misfit: Option<Misfit>,
+    /// How far the measurements are from the body ([`super::Method::Posterior`] only).
+    pub goodness_of_fit: Option<GoodnessOfFit>,
     /// One entry per view, used or rejected.
     pub views: Vec<ViewReport>,
     /// Reasons why the estimate is weaker than its status says.
@@ -258,7 +258,7 @@ impl Estimate {
             enclosing: None,
             covariance: None,
             alternatives: Vec::new(),
-            misfit: None,
+            goodness_of_fit: None,
             views: Vec::new(),
             warnings: Vec::new(),
         }
@@ -325,7 +325,7 @@ mod tests {
         let seen = |residual, inlier| ViewReport {
             residual_px: residual,
             inlier,
-            rejected_because: (!inlier).then_some(Rejection::Residual),
+            rejection_reason: (!inlier).then_some(Rejection::Residual),
             ..ViewReport::without_body(0)
         };
         let views = vec![seen(Some(3.0), true), seen(Some(100.0), false), seen(None, true), seen(Some(5.0), true)];

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use super::closed_form::solve_closed_form;
 use super::enclosing::ENCLOSING_QUANTILE;
 use super::estimate::Estimate;
-use super::map::{MapContext, PosePoints, map};
 use super::options::Method;
+use super::posterior::{PosePoints, PosteriorContext, posterior};
 use super::validate::OptionError;
 use crate::observer::{Unobserved, Watch};
 use crate::scene::{ObjectViews, View};
@@ -14,13 +14,13 @@ use crate::scene::{ObjectViews, View};
 /// Estimates one object from its views, by any method.
 ///
 /// In a scene, the default method estimates noise levels from all objects, which improves the weights of boxes; with a
-/// scene, prefer [`crate::localize()`]. What takes a category or the vertical, such as [`super::MapOptions::priors`], has no effect here.
+/// scene, prefer [`crate::localize()`]. What takes a category or the vertical, such as [`super::PosteriorOptions::priors`], has no effect here.
 ///
 /// ```
 /// use nalgebra::Matrix3x4;
 /// use quadlift::geometry::{BoundingBox, Projection};
 /// use quadlift::scene::View;
-/// use quadlift::solve::{Estimator, MapOptions};
+/// use quadlift::solve::{Estimator, PosteriorOptions};
 ///
 /// // Four cameras (focal length 500 px, images of 640 x 480) look along +z at something 5 m ahead.
 /// let views: Vec<View> = [-1.5, -0.5, 0.5, 1.5]
@@ -32,7 +32,7 @@ use crate::scene::{ObjectViews, View};
 ///         Ok(View::from_box(Projection::from_matrix(p)?, bounding_box).with_image_size(640.0, 480.0))
 ///     })
 ///     .collect::<Result<_, Box<dyn std::error::Error>>>()?;
-/// let estimate = Estimator::new(MapOptions::default())?.fit(&views);
+/// let estimate = Estimator::new(PosteriorOptions::default())?.fit(&views);
 /// let center = estimate.center.expect("the views determine it");
 /// assert!((center.z - 5.0).abs() < 0.3, "{}: {center}", estimate.status.name());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -43,7 +43,7 @@ pub struct Estimator {
 }
 
 impl Estimator {
-    /// An estimator of this method: [`Method`], or [`super::MapOptions`] for the default one.
+    /// An estimator of this method: [`Method`], or [`super::PosteriorOptions`] for the default one.
     ///
     /// # Errors
     /// [`OptionError`] names the option of the method that is out of range.
@@ -56,11 +56,11 @@ impl Estimator {
     /// Estimates the object of these views. It never fails: [`Estimate::status`] describes the outcome.
     pub fn fit(&self, views: &[View]) -> Estimate {
         let mut object = ObjectViews { object_index: 0, category_index: None, views: views.to_vec() };
-        let Method::Map(options) = &self.method else {
+        let Method::Posterior(options) = &self.method else {
             return solve_closed_form(&object, &self.method, ENCLOSING_QUANTILE);
         };
         object.views.iter_mut().for_each(|view| *view = view.within_margin(options.border_margin));
-        let context = MapContext {
+        let context = PosteriorContext {
             categories: &[],
             up: None,
             pose_unknowns: Arc::default(),
@@ -72,7 +72,7 @@ impl Estimator {
             options,
             watch: &Watch::new(&Unobserved, 1),
         };
-        let mut solution = map(1, &|_| object.clone(), &context, &|_| Vec::new());
+        let mut solution = posterior(1, &|_| object.clone(), &context, &|_| Vec::new());
         solution.estimates.swap_remove(0)
     }
 }

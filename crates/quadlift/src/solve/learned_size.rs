@@ -3,7 +3,7 @@
 use super::options::SizePrior;
 use crate::geometry::BodyKind;
 
-/// The size of a category and kind of body, learned from the objects of the scene ([`super::MapOptions::learn_sizes`]).
+/// The size of a category and kind of body, learned from the objects of the scene ([`super::PosteriorOptions::learn_sizes`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LearnedCategorySize {
     /// Index into [`crate::scene::SceneParts::categories`].

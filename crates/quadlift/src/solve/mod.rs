@@ -5,7 +5,7 @@ mod estimate;
 mod pose_points_report;
 mod prediction;
 mod refined_pose;
-mod sigmas;
+mod noise_model;
 mod options;
 mod learned_size;
 pub(crate) mod plausible;
@@ -15,7 +15,7 @@ pub(crate) mod conditioning;
 mod enclosing;
 mod report;
 mod closed_form;
-pub(crate) mod map;
+pub(crate) mod posterior;
 mod validate;
 mod estimator;
 
@@ -26,19 +26,22 @@ pub(crate) use closed_form::solve_closed_form;
 pub use cue_scale::{CueScale, DepthShift, ScaledQuantity};
 pub(crate) use enclosing::ENCLOSING_QUANTILE;
 pub use estimate::{
-    Alternative, Covariance, CovarianceCoordinates, Estimate, Matrix9, Misfit, Rejection, Status, ViewReport, Warning,
+    Alternative, Covariance, CovarianceCoordinates, Estimate, GoodnessOfFit, Matrix9, Rejection, Status, ViewReport,
+    Warning,
 };
 pub use estimator::Estimator;
 pub use learned_size::LearnedCategorySize;
+pub(crate) use noise_model::POSE_NOISE_NAMES;
+pub use noise_model::{NOISE_NAMES, NoiseModel, NoiseModelError};
 pub(crate) use options::BORDER_MARGIN;
-pub use options::{CategoryPrior, CategoryPriors, MapOptions, Method, PoseMotion, PoseNoise, RegOptions, SizePrior};
+pub use options::{
+    CategoryPrior, CategoryPriors, Method, PoseMotion, PoseNoise, PosteriorOptions, RegOptions, SizePrior,
+};
 pub use pose_points_report::{PosePointsProblem, PosePointsReport};
 pub(crate) use prediction::LARGE_ERROR;
 pub use prediction::Prediction;
 pub(crate) use prediction::{Fold, FoldPrediction, predict_fold};
 pub use refined_pose::RefinedPose;
-pub(crate) use sigmas::POSE_NOISE_NAMES;
-pub use sigmas::{SIGMA_NAMES, Sigmas, SigmasError};
 pub use triangulate::triangulate;
 pub use validate::OptionError;
 pub(crate) use validate::refuse;

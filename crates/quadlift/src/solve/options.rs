@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::sigmas::Sigmas;
+use super::noise_model::NoiseModel;
 use crate::geometry::BodyKind;
 
 /// The estimator for each object, with its options.
@@ -10,7 +10,7 @@ use crate::geometry::BodyKind;
 #[non_exhaustive]
 pub enum Method {
     /// Maximum a posteriori refinement: the default.
-    Map(MapOptions),
+    Posterior(PosteriorOptions),
     /// Tangent planes of box edges, closed form.
     Planes,
     /// Conditioned closed form (LfD).
@@ -23,13 +23,13 @@ pub enum Method {
 
 impl Default for Method {
     fn default() -> Self {
-        Self::Map(MapOptions::default())
+        Self::Posterior(PosteriorOptions::default())
     }
 }
 
-impl From<MapOptions> for Method {
-    fn from(options: MapOptions) -> Self {
-        Self::Map(options)
+impl From<PosteriorOptions> for Method {
+    fn from(options: PosteriorOptions) -> Self {
+        Self::Posterior(options)
     }
 }
 
@@ -37,19 +37,19 @@ impl Method {
     /// The minimum number of views of the method.
     pub fn min_views(&self) -> usize {
         match self {
-            Self::Map(_) | Self::Reg(_) => 2,
+            Self::Posterior(_) | Self::Reg(_) => 2,
             Self::Planes | Self::Lfd | Self::Pfd => 3,
         }
     }
 
-    /// The options of [`Method::Map`], if it is the method.
-    pub fn map_options(&self) -> Option<&MapOptions> {
-        if let Self::Map(options) = self { Some(options) } else { None }
+    /// The options of [`Method::Posterior`], if it is the method.
+    pub fn posterior_options(&self) -> Option<&PosteriorOptions> {
+        if let Self::Posterior(options) = self { Some(options) } else { None }
     }
 
-    /// The options of [`Method::Map`] for modification, if it is the method.
-    pub fn map_options_mut(&mut self) -> Option<&mut MapOptions> {
-        if let Self::Map(options) = self { Some(options) } else { None }
+    /// The options of [`Method::Posterior`] for modification, if it is the method.
+    pub fn posterior_options_mut(&mut self) -> Option<&mut PosteriorOptions> {
+        if let Self::Posterior(options) = self { Some(options) } else { None }
     }
 }
 
@@ -110,19 +110,19 @@ pub enum PoseMotion {
     Slow,
 }
 
-/// The default of [`MapOptions::border_margin`].
+/// The default of [`PosteriorOptions::border_margin`].
 pub(crate) const BORDER_MARGIN: f64 = 0.025;
 
 /// Options of the maximum a posteriori estimator.
 #[derive(Debug, Clone)]
-pub struct MapOptions {
+pub struct PosteriorOptions {
     /// The kind of body. `None` selects it for each object, by the evidence of its boxes and of the other objects of the scene
     /// and category (docs/method.md, section 9). Ellipsoids are preferred unless the evidence is clear.
     pub body: Option<BodyKind>,
     /// Priors by category; empty by default.
     pub priors: CategoryPriors,
     /// Whether the sizes of categories are learned from the objects of the scene: each object gets the size of the others of its
-    /// category as a prior (docs/method.md, section 21). Categories whose size [`MapOptions::priors`] tells keep that. Has no effect
+    /// category as a prior (docs/method.md, section 21). Categories whose size [`PosteriorOptions::priors`] tells keep that. Has no effect
     /// on [`super::Estimator`], which knows one object.
     pub learn_sizes: bool,
     /// Shape prior: standard deviation of the log semi-axes about their mean. Tuned: with 0.5 the covariance of narrow
@@ -160,7 +160,7 @@ pub struct MapOptions {
     /// Prior of pose corrections, one per frame, which are then estimated. `None` takes the poses as exact. It helps only if
     /// each frame shows several objects.
     pub pose_noise: Option<PoseNoise>,
-    /// Whether poses are corrected, those of frames that a rig took at one instant together, with levels of their errors that are estimated, too (those of [`MapOptions::pose_noise`], where it is
+    /// Whether poses are corrected, those of frames that a rig took at one time step together, with levels of their errors that are estimated, too (those of [`PosteriorOptions::pose_noise`], where it is
     /// given), and how the errors change from frame to frame.
     pub refine_poses: Option<PoseMotion>,
     /// Whether the places of cameras in their rig ([`crate::scene::Frame::rig`]) are corrected with the poses; the default. Errors of
@@ -171,10 +171,10 @@ pub struct MapOptions {
     #[doc(hidden)]
     pub common_errors: bool,
     /// Noise levels. `None` estimates them from the residuals of all objects together.
-    pub sigmas: Option<Sigmas>,
+    pub noise_model: Option<NoiseModel>,
 }
 
-impl Default for MapOptions {
+impl Default for PosteriorOptions {
     fn default() -> Self {
         Self {
             body: None,
@@ -194,7 +194,7 @@ impl Default for MapOptions {
             refine_poses: None,
             refine_extrinsics: true,
             common_errors: true,
-            sigmas: None,
+            noise_model: None,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! How well the points of a scene agree with its poses, where poses are corrected from them.
 
-/// The points from which poses were corrected ([`super::MapOptions::refine_poses`], [`super::MapOptions::pose_noise`]).
+/// The points from which poses were corrected ([`super::PosteriorOptions::refine_poses`], [`super::PosteriorOptions::pose_noise`]).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct PosePointsReport {
     /// Number of the scene's points.

@@ -31,7 +31,7 @@ pub struct Prediction {
 }
 
 impl Prediction {
-    /// Compares a body with a view. `border_margin` is [`super::MapOptions::border_margin`]. `None` for a view without
+    /// Compares a body with a view. `border_margin` is [`super::PosteriorOptions::border_margin`]. `None` for a view without
     /// box and ellipse.
     pub fn new(object_index: usize, view: &View, body: &Body, border_margin: f64) -> Option<Self> {
         let measured = view.measured_box()?;

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3x4, Matrix6, Rotation3, Vector3};
 
 use crate::geometry::{CamFromWorld, CameraError};
 
-/// The correction of a frame's camera ([`super::MapOptions::refine_poses`], [`super::MapOptions::pose_noise`]).
+/// The correction of a frame's camera ([`super::PosteriorOptions::refine_poses`], [`super::PosteriorOptions::pose_noise`]).
 #[derive(Debug, Clone, PartialEq)]
 pub struct RefinedPose {
     /// Index into [`crate::scene::SceneParts::frames`].

@@ -33,9 +33,9 @@ pub(super) fn describe(
         .map(|(index, view)| ViewReport {
             frame_index: view.frame_index,
             residual_px: view_residual(view, &body),
-            deviations: None,
+            normalized_residual: None,
             inlier: inlier(index),
-            rejected_because: (!inlier(index)).then(|| match project_bounding_box(&view.projection, &body) {
+            rejection_reason: (!inlier(index)).then(|| match project_bounding_box(&view.projection, &body) {
                 Ok(_) => Rejection::Residual,
                 Err(_) => Rejection::BehindCamera,
             }),

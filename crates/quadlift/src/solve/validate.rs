@@ -1,6 +1,6 @@
 //! Options of the estimators are validated before anything is computed.
 
-use super::options::{CategoryPrior, MapOptions, Method, PoseNoise, RegOptions};
+use super::options::{CategoryPrior, Method, PoseNoise, PosteriorOptions, RegOptions};
 use crate::geometry::BodyKind;
 
 /// An option that is out of range, or that the scene does not allow; the message names it, what was found and what was
@@ -16,14 +16,14 @@ impl Method {
     /// [`OptionError`] names the first option that is out of range.
     pub fn validate(&self) -> Result<(), OptionError> {
         match self {
-            Self::Map(options) => options.validate(),
+            Self::Posterior(options) => options.validate(),
             Self::Reg(options) => check_lambda(options),
             Self::Planes | Self::Lfd | Self::Pfd => Ok(()),
         }
     }
 }
 
-impl MapOptions {
+impl PosteriorOptions {
     /// Validates the options, independent of a scene.
     ///
     /// # Errors
@@ -105,8 +105,8 @@ mod tests {
     use super::*;
     use crate::solve::SizePrior;
 
-    fn refused(change: impl Fn(&mut MapOptions)) -> String {
-        let mut options = MapOptions::default();
+    fn refused(change: impl Fn(&mut PosteriorOptions)) -> String {
+        let mut options = PosteriorOptions::default();
         change(&mut options);
         options.validate().map_or_else(|error| error.to_string(), |()| String::new())
     }

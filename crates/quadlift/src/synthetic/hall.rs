@@ -1,4 +1,4 @@
-//! Halls with fixed cameras in which people walk (ours): boxes of each camera at the same instants.
+//! Halls with fixed cameras in which people walk (ours): boxes of each camera at the same time steps.
 
 use std::f64::consts::TAU;
 
@@ -6,7 +6,7 @@ use nalgebra::{Matrix3x4, Point3, Rotation3, Unit, Vector2, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use crate::calibrate::{Rig, RigBox, RigCamera, RigCategory};
+use crate::calibrate_rig::{Rig, RigBox, RigCamera, RigCategory};
 use crate::geometry::{
     BoundingBox, CamFromWorld, CameraError, Ellipsoid, Intrinsics, Projection, project_bounding_box,
 };
@@ -49,15 +49,15 @@ pub struct HallOptions {
     /// Number of cameras: at the walls, 2.5 to 3 m high, evenly around from a random direction on (two: 60 to 150 degrees apart).
     pub cameras: usize,
     /// Number of people, 1.55 to 1.95 m high.
-    pub walkers: usize,
-    /// Number of instants.
-    pub instants: usize,
+    pub pedestrians: usize,
+    /// Number of time steps.
+    pub time_steps: usize,
     /// Time between them, seconds.
     pub interval: f64,
     /// Where people walk.
     pub path: WalkPath,
     /// Standard deviation of the edges of boxes, in mean half sizes.
-    pub edge_sd: f64,
+    pub edge_noise: f64,
     /// Probability that a person in the image is not detected.
     pub misses: f64,
     /// Mean number of false boxes for each box.
@@ -67,16 +67,16 @@ pub struct HallOptions {
 }
 
 impl Default for HallOptions {
-    /// Four cameras and one person at 100 instants, half a second apart, boxes without errors, with ids.
+    /// Four cameras and one person at 100 time steps, half a second apart, boxes without errors, with ids.
     fn default() -> Self {
         Self {
             seed: 0,
             cameras: 4,
-            walkers: 1,
-            instants: 100,
+            pedestrians: 1,
+            time_steps: 100,
             interval: 0.5,
             path: WalkPath::Anywhere,
-            edge_sd: 0.0,
+            edge_noise: 0.0,
             misses: 0.0,
             false_boxes: 0.0,
             ids: true,
@@ -89,8 +89,8 @@ impl Default for HallOptions {
 pub struct HallBox {
     /// Index of the camera.
     pub camera: usize,
-    /// Number of the instant.
-    pub instant: usize,
+    /// Number of the time step.
+    pub time_step: usize,
     /// Number of the person; none of false boxes, or where ids are not wanted.
     pub object: Option<usize>,
     /// The box, cut off at the border of the image, pixels.
@@ -106,7 +106,7 @@ pub struct Hall {
     pub image_size: [u32; 2],
     /// The true poses.
     pub cameras: Vec<CamFromWorld>,
-    /// The boxes, by instants and cameras.
+    /// The boxes, by time steps and cameras.
     pub boxes: Vec<HallBox>,
 }
 
@@ -121,7 +121,7 @@ impl Hall {
         };
         let rig_box = |b: &HallBox| RigBox {
             camera: b.camera,
-            instant: b.instant,
+            time_step: b.time_step,
             object: b.object,
             category: Some(0),
             bounding_box: b.bounding_box,
@@ -219,34 +219,34 @@ pub fn generate_hall(options: &HallOptions) -> Result<Hall, CameraError> {
 
     let mut rng = random::stream(options.seed, WALKER_STREAM);
     let line = [anywhere(&mut rng), anywhere(&mut rng)];
-    let mut walkers: Vec<Walker> = (0..options.walkers).map(|_| Walker::new(&mut rng)).collect();
+    let mut pedestrians: Vec<Walker> = (0..options.pedestrians).map(|_| Walker::new(&mut rng)).collect();
     if options.path == WalkPath::Line {
-        for walker in &mut walkers {
+        for walker in &mut pedestrians {
             walker.place = line[0] + (line[1] - line[0]) * rng.random_range(0.0..1.0);
             walker.target = line[1];
         }
     }
     let mut of_boxes = random::stream(options.seed, BOX_STREAM);
     let mut boxes = Vec::new();
-    for instant in 0..options.instants {
+    for time_step in 0..options.time_steps {
         for (camera, projection) in projections.iter().enumerate() {
-            for (object, walker) in walkers.iter().enumerate() {
+            for (object, walker) in pedestrians.iter().enumerate() {
                 let exact = project_bounding_box(projection, &walker.body());
                 let Some(found) = exact.ok().and_then(|exact| detected(&exact, options, &mut of_boxes)) else {
                     continue;
                 };
                 let object = options.ids.then_some(object);
-                boxes.push(HallBox { camera, instant, object, bounding_box: found });
+                boxes.push(HallBox { camera, time_step, object, bounding_box: found });
                 if of_boxes.random_range(0.0..1.0) < options.false_boxes {
                     let size = of_boxes.random_range(20.0..150.0);
                     let (x, y) = (of_boxes.random_range(0.0..width - size), of_boxes.random_range(0.0..height - size));
                     if let Ok(bounding_box) = BoundingBox::new([x, y, x + 0.5 * size, y + size]) {
-                        boxes.push(HallBox { camera, instant, object: None, bounding_box });
+                        boxes.push(HallBox { camera, time_step, object: None, bounding_box });
                     }
                 }
             }
         }
-        for walker in &mut walkers {
+        for walker in &mut pedestrians {
             walker.walk(options.path, SPEED * options.interval, &line, &mut rng);
         }
     }
@@ -258,7 +258,7 @@ fn detected(exact: &BoundingBox, options: &HallOptions, rng: &mut ChaCha8Rng) ->
     let [width, height] = IMAGE.map(f64::from);
     let center = exact.center();
     let missed = rng.random_range(0.0..1.0) < options.misses;
-    let sd = options.edge_sd * exact.mean_half_size();
+    let sd = options.edge_noise * exact.mean_half_size();
     let noise: [f64; 4] = std::array::from_fn(|_| sd * random::normal(rng));
     let inside = center.x > 0.0 && center.x < width && center.y > 0.0 && center.y < height;
     if !inside || missed {

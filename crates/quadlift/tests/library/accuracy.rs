@@ -4,7 +4,7 @@
 use nalgebra::{Rotation3, SVector, Vector3};
 use quadlift::geometry::{Body, BodyKind, Ellipsoid, vech3};
 use quadlift::metrics::{iou3d_bodies, iou3d_ellipsoids, nees};
-use quadlift::solve::{Estimate, MapOptions, Method, PoseNoise, Status};
+use quadlift::solve::{Estimate, Method, PoseNoise, PosteriorOptions, Status};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift::{Localization, LocalizeOptions, localize};
 
@@ -34,7 +34,7 @@ fn method(method: Method) -> LocalizeOptions {
 }
 
 fn body(body: BodyKind) -> LocalizeOptions {
-    LocalizeOptions::from(MapOptions { body: Some(body), ..Default::default() })
+    LocalizeOptions::from(PosteriorOptions { body: Some(body), ..Default::default() })
 }
 
 /// Mean IoU of the estimated with the true bodies; a failed estimate counts as zero.
@@ -248,7 +248,7 @@ fn of_two_kinds_in_one_scene_each_is_fitted_about_as_well_as_if_it_were_known() 
     let mean_of = |kind: usize, body: Option<BodyKind>| {
         let mut ious = Vec::new();
         for synthetic in &scenes {
-            let options = LocalizeOptions::from(MapOptions { body, ..Default::default() });
+            let options = LocalizeOptions::from(PosteriorOptions { body, ..Default::default() });
             let localization = localize(&synthetic.scene, &options).unwrap();
             assert_eq!(localization.body, body);
             let of_kind = localization.estimates.iter().zip(&synthetic.truth).skip(kind).step_by(2);
@@ -267,7 +267,7 @@ fn of_two_kinds_in_one_scene_each_is_fitted_about_as_well_as_if_it_were_known() 
 fn a_cuboid_that_was_chosen_is_written_like_one_that_was_asked_for() {
     let synthetic = generate(&SyntheticOptions { objects: 12, body: BodyKind::Cuboid, ..boxes(0.0)(3) }).unwrap();
     let run = |body| {
-        let options = LocalizeOptions::from(MapOptions { body, ..Default::default() });
+        let options = LocalizeOptions::from(PosteriorOptions { body, ..Default::default() });
         localize(&synthetic.scene, &options).unwrap().estimates
     };
     for (chosen, asked) in run(None).iter().zip(run(Some(BodyKind::Cuboid))) {
@@ -291,7 +291,7 @@ fn wrong_poses_are_found_out() {
         })
         .unwrap();
     let score = |pose_noise: Option<PoseNoise>| {
-        let map = MapOptions { body: Some(BodyKind::Ellipsoid), pose_noise, ..Default::default() };
+        let map = PosteriorOptions { body: Some(BodyKind::Ellipsoid), pose_noise, ..Default::default() };
         let options = LocalizeOptions::from(map);
         let estimates = localize(&synthetic.scene, &options).unwrap().estimates;
         let ious =
@@ -309,7 +309,7 @@ fn uncertainties_have_the_unit_of_the_world() {
     for body in [BodyKind::Ellipsoid, BodyKind::Cuboid, BodyKind::Superellipsoid(1.5)] {
         let sds = |scale: f64| -> Vec<f64> {
             let made = generate(&SyntheticOptions { objects: 4, scale, body, ..boxes(0.03)(2) }).unwrap();
-            let map = MapOptions { body: Some(body), ..Default::default() };
+            let map = PosteriorOptions { body: Some(body), ..Default::default() };
             let estimates = localize(&made.scene, &LocalizeOptions::from(map)).unwrap().estimates;
             estimates.iter().map(|e| e.center_sd().unwrap()).collect()
         };
@@ -336,6 +336,6 @@ fn detections_without_what_is_used_are_counted_and_their_objects_have_used_no_vi
     let options = LocalizeOptions { min_views: 7, ..Default::default() };
     for estimate in localize(&made.scene, &options).unwrap().estimates {
         assert_eq!((estimate.views.len(), estimate.views_used()), (6, 0));
-        assert!(estimate.views.iter().all(|view| view.rejected_because.is_none()));
+        assert!(estimate.views.iter().all(|view| view.rejection_reason.is_none()));
     }
 }

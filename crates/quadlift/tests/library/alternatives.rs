@@ -19,7 +19,7 @@ fn cuboids(views: usize, noise: f64, seed: u64) -> (Vec<Body>, Localization) {
     };
     let scene = generate(&options).unwrap();
     let mut options = LocalizeOptions::default();
-    options.method.map_options_mut().unwrap().body = Some(BodyKind::Cuboid);
+    options.method.posterior_options_mut().unwrap().body = Some(BodyKind::Cuboid);
     let localization = localize(&scene.scene, &options).unwrap();
     (scene.truth.into_iter().map(|(_, body)| body).collect(), localization)
 }

@@ -4,7 +4,7 @@
 use quadlift::cross_validation::{CrossValidation, Extent};
 use quadlift::geometry::{BodyKind, BoundingBox};
 use quadlift::scene::Scene;
-use quadlift::solve::{Method, Prediction, Sigmas};
+use quadlift::solve::{Method, NoiseModel, Prediction};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
 use quadlift::{Localization, LocalizeOptions, localize};
 
@@ -33,7 +33,7 @@ fn exact_views_predict_each_other() {
     assert!(checked.iou().unwrap() > 0.999, "{:?}", checked.iou());
     assert!(checked.edge_error().unwrap() < 1e-3, "{:?}", checked.edge_error());
     assert_eq!(checked.objects.len(), 8);
-    assert!(checked.objects.iter().all(|object| object.predictions.len() == 12 && object.odd_view().is_none()));
+    assert!(checked.objects.iter().all(|object| object.predictions.len() == 12 && object.suspect_view().is_none()));
     let planes = LocalizeOptions { method: Method::Planes, ..Default::default() };
     let iou = run(&scene, planes, Extent::All).cross_validation.iou().unwrap();
     assert!(iou > 0.9999, "{iou}");
@@ -63,7 +63,7 @@ fn a_false_box_is_the_odd_view() {
         scene.edit(|parts| parts.detections[wrong].bounding_box = wrong_box).unwrap();
         let checked = all(&scene);
         let odd: Vec<_> =
-            checked.objects.iter().filter_map(|o| Some((o.estimate_index, o.odd_view()?.frame_index))).collect();
+            checked.objects.iter().filter_map(|o| Some((o.estimate_index, o.suspect_view()?.frame_index))).collect();
         assert_eq!(odd, [(2, false_view as usize)], "{views} views");
         let of = |index| checked.of_estimate(index).unwrap().iou().unwrap();
         assert!(of(2) < of(1) - 0.5 / views as f64, "{views} views: {} {}", of(2), of(1));
@@ -83,9 +83,9 @@ fn a_left_out_view_has_no_influence() {
         for views in [3, 5, 12] {
             let scene = scene(4, views, 0.03);
             let mut options = LocalizeOptions::default();
-            options.method.map_options_mut().unwrap().body = Some(body);
-            options.method.map_options_mut().unwrap().sigmas =
-                Some(Sigmas::new([("edge_relative", 0.03), ("edge_px", 0.5)]).unwrap());
+            options.method.posterior_options_mut().unwrap().body = Some(body);
+            options.method.posterior_options_mut().unwrap().noise_model =
+                Some(NoiseModel::new([("edge_noise", 0.03), ("edge_noise_px", 0.5)]).unwrap());
             // One fit for each view, so that the detections of one frame can be left out of the scene.
             options.cross_validation.fits_per_object = views;
             let checked = run(&scene, options.clone(), Extent::All).cross_validation;
@@ -138,9 +138,9 @@ fn a_warm_start_predicts_the_same() {
     for (views, bound) in [(20, 1e-3), (8, 5e-3)] {
         let scene = scene(20, views, 0.05);
         let mut options = LocalizeOptions::default();
-        options.method.map_options_mut().unwrap().body = Some(BodyKind::Ellipsoid);
+        options.method.posterior_options_mut().unwrap().body = Some(BodyKind::Ellipsoid);
         // Whether an object stands is decided anew from the starts, and kept with a warm one.
-        options.method.map_options_mut().unwrap().upright = false;
+        options.method.posterior_options_mut().unwrap().upright = false;
         let cold = run(&scene, options.clone(), Extent::All).cross_validation;
         options.cross_validation.sampled_fits = usize::MAX;
         let warm = run(&scene, options, Extent::Sample).cross_validation;

@@ -4,7 +4,7 @@ use nalgebra::{Rotation2, Vector2, Vector3};
 use quadlift::geometry::{BodyKind, project_ellipsoid};
 use quadlift::metrics::iou3d_ellipsoids;
 use quadlift::scene::{Box3dSd, Cues, DepthCue, Detection, NewDetection, Scene, SceneBuilder, SceneParts};
-use quadlift::solve::{MapOptions, ScaledQuantity, Sigmas, Status, Warning};
+use quadlift::solve::{NoiseModel, PosteriorOptions, ScaledQuantity, Status, Warning};
 use quadlift::synthetic::{
     Box3dNoise, CueOptions, DepthNoise, Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate,
     simulate_cues,
@@ -31,7 +31,7 @@ fn with_cues(made: &SyntheticScene, depth: Option<DepthNoise>, box3d: Option<Box
 }
 
 fn options() -> LocalizeOptions {
-    MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() }.into()
+    PosteriorOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() }.into()
 }
 
 /// Mean O3D, 0 without an answer, and the median error of the center in mean semi-axes.
@@ -146,11 +146,11 @@ fn three_d_boxes_alone_are_fused() {
 fn with_given_levels_objects_are_independent() {
     let made = made(3);
     let scene = with_cues(&made, Some(DepthNoise::default()), Some(Box3dNoise::default()));
-    let sigmas = Sigmas::new([("edge_relative", 0.03), ("depth", 0.1), ("box3d_size", 0.15)]).unwrap();
+    let noise_model = NoiseModel::new([("edge_noise", 0.03), ("depth", 0.1), ("box3d_size", 0.15)]).unwrap();
     let mut options = options();
-    let map = options.method.map_options_mut().unwrap();
+    let map = options.method.posterior_options_mut().unwrap();
     // Boxes that are removed hide nothing.
-    (map.sigmas, map.occluded_edges) = (Some(sigmas), false);
+    (map.noise_model, map.occluded_edges) = (Some(noise_model), false);
     let all = localize(&scene, &options).unwrap();
     assert!(all.cue_scales.is_empty());
     let mut parts = scene.clone().into_parts();

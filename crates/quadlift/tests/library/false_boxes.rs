@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use quadlift::geometry::ConvexBody;
-use quadlift::solve::{Estimate, Rejection, Sigmas, Status, Warning};
+use quadlift::solve::{Estimate, NoiseModel, Rejection, Status, Warning};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift::{Localization, LocalizeOptions, localize};
 
@@ -102,12 +102,12 @@ fn residuals_far_beyond_the_noise_are_never_used() {
         let scene = scene(views, 0.02, seed);
         for estimate in &localized(&scene).estimates {
             for view in &estimate.views {
-                assert_eq!(view.inlier, view.rejected_because.is_none());
+                assert_eq!(view.inlier, view.rejection_reason.is_none());
                 // Five for each of four edges, or as improbable for a single one that counts (chi-square, 100 with 4
                 // degrees of freedom and 106 with one).
-                assert!(!view.inlier || view.deviations.is_none_or(|x| x <= 10.4), "{views} {estimate:?}");
+                assert!(!view.inlier || view.normalized_residual.is_none_or(|x| x <= 10.4), "{views} {estimate:?}");
                 let in_front = view.residual_px.is_some();
-                assert!(view.rejected_because != Some(Rejection::BehindCamera) || !in_front, "{view:?}");
+                assert!(view.rejection_reason != Some(Rejection::BehindCamera) || !in_front, "{view:?}");
             }
         }
     }
@@ -116,14 +116,14 @@ fn residuals_far_beyond_the_noise_are_never_used() {
 #[test]
 fn with_given_levels_an_object_is_judged_by_them_alone() {
     let scene = scene(2, 0.02, 4);
-    let sigmas = Sigmas::new([("edge_relative", 0.02), ("edge_px", 0.2)]).unwrap();
+    let noise_model = NoiseModel::new([("edge_noise", 0.02), ("edge_noise_px", 0.2)]).unwrap();
     let mut options = LocalizeOptions::default();
-    options.method.map_options_mut().unwrap().sigmas = Some(sigmas);
+    options.method.posterior_options_mut().unwrap().noise_model = Some(noise_model);
     // What hides an edge is in the other boxes of its frame.
-    options.method.map_options_mut().unwrap().occluded_edges = false;
+    options.method.posterior_options_mut().unwrap().occluded_edges = false;
     // The self-check looks at all objects of a scene.
     options.allow_inconsistent = true;
-    options.method.map_options_mut().unwrap().body = Some(quadlift::geometry::BodyKind::Ellipsoid);
+    options.method.posterior_options_mut().unwrap().body = Some(quadlift::geometry::BodyKind::Ellipsoid);
     let together = localize(&scene.scene, &options).unwrap();
     let mut statuses: BTreeMap<&str, usize> = BTreeMap::new();
     for estimate in &together.estimates {
@@ -134,7 +134,7 @@ fn with_given_levels_an_object_is_judged_by_them_alone() {
         let alone = localize(&alone, &options).unwrap();
         assert_eq!(alone.estimates[0].body, estimate.body);
         assert_eq!(alone.estimates[0].status, estimate.status);
-        assert_eq!(alone.estimates[0].misfit, estimate.misfit);
+        assert_eq!(alone.estimates[0].goodness_of_fit, estimate.goodness_of_fit);
         assert_eq!(alone.estimates[0].views, estimate.views);
     }
     assert!(statuses["ok"] > 25 && statuses["inconsistent"] > 0, "{statuses:?}");

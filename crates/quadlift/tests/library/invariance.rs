@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Matrix3x4, Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
 use quadlift::geometry::{Body, BoundingBox, ConvexBody, Projection};
 use quadlift::scene::Scene;
-use quadlift::solve::{Estimate, MapOptions, Status};
+use quadlift::solve::{Estimate, PosteriorOptions, Status};
 use quadlift::synthetic::{Detector, Noise, Observations, SyntheticOptions, generate};
 use quadlift::{LocalizeOptions, localize};
 
@@ -56,7 +56,7 @@ fn in_order(scene: &Scene, order: &[usize]) -> Scene {
 
 /// Without hidden edges, which are looked at by themselves.
 fn run(scene: &Scene, correlated_views: bool) -> Vec<Estimate> {
-    let map = MapOptions { correlated_views, occluded_edges: false, ..Default::default() };
+    let map = PosteriorOptions { correlated_views, occluded_edges: false, ..Default::default() };
     localize(scene, &LocalizeOptions::from(map)).unwrap().estimates
 }
 

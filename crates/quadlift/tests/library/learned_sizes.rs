@@ -3,7 +3,7 @@
 use quadlift::geometry::{Body, BodyKind};
 use quadlift::metrics::{iou3d_bodies, nees};
 use quadlift::scene::Scene;
-use quadlift::solve::{CategoryPrior, MapOptions, SizePrior};
+use quadlift::solve::{CategoryPrior, PosteriorOptions, SizePrior};
 use quadlift::synthetic::{
     CategoryOptions, CategorySizes, Noise, Observations, SyntheticOptions, SyntheticScene, generate_categories,
 };
@@ -27,7 +27,7 @@ fn made(seed: u64, views: usize, sizes: CategorySizes, standing: bool, body: Bod
 }
 
 fn localized(scene: &Scene, learn_sizes: bool, body: BodyKind) -> Localization {
-    localize(scene, &MapOptions { learn_sizes, body: Some(body), ..Default::default() }.into()).unwrap()
+    localize(scene, &PosteriorOptions { learn_sizes, body: Some(body), ..Default::default() }.into()).unwrap()
 }
 
 /// Mean IoU over so many scenes, without and with learned sizes, and the medians of the NEES.
@@ -126,7 +126,7 @@ fn single_objects_and_given_sizes_are_left_as_they_are() {
 
     // A size that is given wins.
     let made = self::made(41, 3, CategorySizes::Alike(0.05), false, BodyKind::Ellipsoid);
-    let mut options = MapOptions { learn_sizes: true, body: Some(BodyKind::Ellipsoid), ..Default::default() };
+    let mut options = PosteriorOptions { learn_sizes: true, body: Some(BodyKind::Ellipsoid), ..Default::default() };
     let size = SizePrior { mean: [5.0, 4.0, 3.0], sd: [1.0, 0.8, 0.6] };
     let prior = CategoryPrior { size: Some(size), ..Default::default() };
     options.priors.by_category.insert("category_1".to_owned(), prior);

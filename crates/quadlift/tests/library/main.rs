@@ -16,7 +16,7 @@ mod masks;
 mod observer;
 mod pfd_reference;
 mod refined_poses;
-mod sigmas;
+mod noise_model;
 mod surroundings;
 mod trust;
 mod upright;

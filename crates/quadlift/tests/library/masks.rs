@@ -34,7 +34,7 @@ fn mean_iou(synthetic: &SyntheticScene, scene: &Scene, options: &LocalizeOptions
 
 fn with_masks(method: Method) -> LocalizeOptions {
     let mut options = LocalizeOptions { method, measurements: MeasurementKind::Mask, ..Default::default() };
-    if let Some(map) = options.method.map_options_mut() {
+    if let Some(map) = options.method.posterior_options_mut() {
         map.body = Some(BodyKind::Ellipsoid);
     }
     options
@@ -154,7 +154,7 @@ fn ellipses_of_parts_do_less_harm_when_they_are_known_as_such() {
         .unwrap();
     let mut options = with_masks(Method::default());
     options.measurements = MeasurementKind::Ellipse;
-    options.method.map_options_mut().unwrap().robust = false;
+    options.method.posterior_options_mut().unwrap().robust = false;
     let not_told = mean_iou(&synthetic, &scene, &options);
     scene.edit(|parts| parts.detections.iter_mut().step_by(4).for_each(|detection| detection.partial = true)).unwrap();
     let told = mean_iou(&synthetic, &scene, &options);

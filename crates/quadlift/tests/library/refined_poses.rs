@@ -6,7 +6,7 @@ use quadlift::metrics::{iou3d_bodies, nees};
 use quadlift::nalgebra::{Rotation3, Vector3, Vector6};
 use quadlift::random::{normal, stream};
 use quadlift::scene::RigCamera;
-use quadlift::solve::{MapOptions, PoseMotion, RefinedPose, Status};
+use quadlift::solve::{PoseMotion, PosteriorOptions, RefinedPose, Status};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift::{Localization, localize};
 
@@ -28,9 +28,9 @@ fn street_options(noise: f64) -> SyntheticOptions {
 }
 
 /// The scene with errors of its poses (rotation in radians, shift), and the errors.
-fn with_errors(made: &SyntheticScene, sd: [f64; 2], memory: f64) -> (SyntheticScene, Vec<Vector6<f64>>) {
+fn with_errors(made: &SyntheticScene, sd: [f64; 2], correlation_length: f64) -> (SyntheticScene, Vec<Vector6<f64>>) {
     let mut rng = stream(9, 77);
-    let rho = if memory > 0.0 { (-1.0 / memory).exp() } else { 0.0 };
+    let rho = if correlation_length > 0.0 { (-1.0 / correlation_length).exp() } else { 0.0 };
     let mut error = Vector6::from_fn(|_, _| normal(&mut rng));
     let mut errors = Vec::new();
     for _ in &made.scene.frames {
@@ -51,7 +51,7 @@ fn with_errors(made: &SyntheticScene, sd: [f64; 2], memory: f64) -> (SyntheticSc
 }
 
 fn found(made: &SyntheticScene, refine_poses: Option<PoseMotion>) -> Localization {
-    let options = MapOptions { body: Some(BodyKind::Ellipsoid), refine_poses, ..Default::default() };
+    let options = PosteriorOptions { body: Some(BodyKind::Ellipsoid), refine_poses, ..Default::default() };
     localize(&made.scene, &options.into()).unwrap()
 }
 
@@ -118,13 +118,13 @@ fn slow_errors_of_poses_are_followed() {
 #[test]
 fn errors_of_a_few_frames_are_told_from_independent_ones() {
     let exact = street(0.03);
-    for (memory, expected) in [(0.0, 0.0..1.0), (20.0, 10.0..40.0)] {
-        let (given, _) = with_errors(&exact, [0.01, 0.2], memory);
+    for (correlation_length, expected) in [(0.0, 0.0..1.0), (20.0, 10.0..40.0)] {
+        let (given, _) = with_errors(&exact, [0.01, 0.2], correlation_length);
         let found = found(&given, Some(PoseMotion::Auto));
         let chosen = found.pose_correlation_length.unwrap();
-        assert!(expected.contains(&chosen), "{memory}: {chosen}");
+        assert!(expected.contains(&chosen), "{correlation_length}: {chosen}");
         let honest = scores(&given, &found).1;
-        assert!((4.0..16.0).contains(&honest), "{memory}: {honest}");
+        assert!((4.0..16.0).contains(&honest), "{correlation_length}: {honest}");
     }
 }
 
@@ -169,7 +169,7 @@ fn with_errors_of_a_rig(exact: &SyntheticScene) -> [SyntheticScene; 2] {
         .scene
         .edit(|parts| {
             for (k, frame) in parts.frames.iter_mut().enumerate() {
-                frame.rig = Some(RigCamera { instant: k as u64 / 2, camera: Some(k as u32 % 2) });
+                frame.rig = Some(RigCamera { time_step: k as u64 / 2, camera: Some(k as u32 % 2) });
             }
         })
         .unwrap();
@@ -299,12 +299,12 @@ fn without_points(made: &SyntheticScene) -> SyntheticScene {
 
 #[test]
 fn points_tell_poses_better_than_boxes_do() {
-    for (sd, memory, at_most) in [([0.01, 0.05], 0.0, 0.6), ([0.02, 0.3], 100.0, 0.5)] {
+    for (sd, correlation_length, at_most) in [([0.01, 0.05], 0.0, 0.6), ([0.02, 0.3], 100.0, 0.5)] {
         let (mut boxes, mut points) = (0.0, 0.0);
         for seed in 4..7 {
             let options = SyntheticOptions { seed, points: 1500, point_mismatches: 0.05, ..street_options(0.02) };
             let exact = generate(&options).unwrap();
-            let (given, _) = with_errors(&exact, sd, memory);
+            let (given, _) = with_errors(&exact, sd, correlation_length);
             let without = without_points(&given);
             let [of_boxes, of_points] = [&without, &given].map(|given| found(given, Some(PoseMotion::Auto)));
             let report = of_points.pose_points.unwrap();
@@ -313,10 +313,10 @@ fn points_tell_poses_better_than_boxes_do() {
             assert!((report.noise.unwrap() / 0.5 - 1.0).abs() < 0.15, "{report:?}");
             let (a, b) = (rotation_error(&exact, &without, &of_boxes), rotation_error(&exact, &given, &of_points));
             let (c, d) = (scores(&exact, &of_boxes), scores(&exact, &of_points));
-            println!("{memory} {seed}: rotation {a:.5} {b:.5}, IoU and NEES {c:.3?} {d:.3?}, {report:?}");
+            println!("{correlation_length} {seed}: rotation {a:.5} {b:.5}, IoU and NEES {c:.3?} {d:.3?}, {report:?}");
             (boxes, points) = (boxes + a, points + b);
         }
-        assert!(points < at_most * boxes, "{memory}: {points} {boxes}");
+        assert!(points < at_most * boxes, "{correlation_length}: {points} {boxes}");
     }
 }
 

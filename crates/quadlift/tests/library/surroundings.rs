@@ -5,16 +5,16 @@ use nalgebra::{Matrix3x4, Point3, Rotation3, Vector2, Vector3};
 use quadlift::geometry::{Body, BodyKind, BoundingBox, CamFromWorld, Intrinsics, Projection, project_bounding_box};
 use quadlift::metrics::iou3d_bodies;
 use quadlift::scene::{NewDetection, Scene, SceneBuilder};
-use quadlift::solve::{CategoryPrior, CategoryPriors, Estimate, MapOptions, SizePrior, Status};
+use quadlift::solve::{CategoryPrior, CategoryPriors, Estimate, PosteriorOptions, SizePrior, Status};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift::{LocalizeOptions, localize};
 
-fn ellipsoids() -> MapOptions {
-    MapOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() }
+fn ellipsoids() -> PosteriorOptions {
+    PosteriorOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() }
 }
 
 /// Mean volume IoU and mean distance of the centers, of the objects that have a body.
-fn score(synthetic: &SyntheticScene, map: MapOptions) -> (f64, f64) {
+fn score(synthetic: &SyntheticScene, map: PosteriorOptions) -> (f64, f64) {
     let estimates = localize(&synthetic.scene, &LocalizeOptions::from(map)).unwrap().estimates;
     let count = estimates.iter().filter(|estimate| estimate.body.is_some()).count() as f64;
     let (mut iou, mut distance) = (0.0, 0.0);
@@ -29,8 +29,8 @@ fn score(synthetic: &SyntheticScene, map: MapOptions) -> (f64, f64) {
 }
 
 /// Means over some scenes with and without something.
-fn compare(scenes: &[SyntheticScene], with: &MapOptions, without: &MapOptions) -> [(f64, f64); 2] {
-    let mean = |map: &MapOptions| {
+fn compare(scenes: &[SyntheticScene], with: &PosteriorOptions, without: &PosteriorOptions) -> [(f64, f64); 2] {
+    let mean = |map: &PosteriorOptions| {
         let all: Vec<(f64, f64)> = scenes.iter().map(|scene| score(scene, map.clone())).collect();
         let count = all.len() as f64;
         (all.iter().map(|s| s.0).sum::<f64>() / count, all.iter().map(|s| s.1).sum::<f64>() / count)
@@ -69,7 +69,8 @@ fn objects_reach_beyond_the_border_that_detectors_keep_a_little_away_from() {
         scene.frames.push(frame);
     }
     synthetic.scene = quadlift::scene::Scene::from_parts(scene).unwrap();
-    let [with, without] = compare(&[synthetic], &ellipsoids(), &MapOptions { border_margin: 0.0, ..ellipsoids() });
+    let [with, without] =
+        compare(&[synthetic], &ellipsoids(), &PosteriorOptions { border_margin: 0.0, ..ellipsoids() });
     assert!(with.0 > 0.95 && without.0 < 0.85, "{with:?} {without:?}");
 }
 
@@ -89,7 +90,7 @@ fn streets(views: usize, noise: f64) -> Vec<SyntheticScene> {
 
 #[test]
 fn objects_on_a_common_ground_are_found_better() {
-    let on_ground = MapOptions { ground_plane: true, ..ellipsoids() };
+    let on_ground = PosteriorOptions { ground_plane: true, ..ellipsoids() };
     let [with, without] = compare(&streets(4, 0.1), &on_ground, &ellipsoids());
     assert!(with.0 > without.0 + 0.015 && with.1 < 0.9 * without.1, "{with:?} {without:?}");
 }
@@ -98,9 +99,9 @@ fn objects_on_a_common_ground_are_found_better() {
 fn the_height_of_the_cameras_tells_where_the_ground_is() {
     let scenes = streets(3, 0.1);
     let height = scenes[0].scene.frames[0].projection.center_in_world().unwrap().z;
-    let on_ground = MapOptions { ground_plane: true, ..ellipsoids() };
+    let on_ground = PosteriorOptions { ground_plane: true, ..ellipsoids() };
     let [with, without] =
-        compare(&scenes, &MapOptions { camera_height: Some(height), ..on_ground.clone() }, &on_ground);
+        compare(&scenes, &PosteriorOptions { camera_height: Some(height), ..on_ground.clone() }, &on_ground);
     assert!(with.0 > without.0 + 0.03 && with.1 < 0.8 * without.1, "{with:?} {without:?}");
 }
 
@@ -151,7 +152,7 @@ fn an_object_does_not_stand_on_what_it_alone_tells_of_the_ground() {
     };
     let found = |cars: usize, on_ground: bool, camera_height: Option<f64>| {
         let (scene, truth) = cars_from_above(cars);
-        let options = MapOptions { priors: car(on_ground), camera_height, ..Default::default() };
+        let options = PosteriorOptions { priors: car(on_ground), camera_height, ..Default::default() };
         let estimates = localize(&scene, &LocalizeOptions::from(options)).unwrap().estimates;
         let one = |(estimate, truth): (&Estimate, &Body)| {
             assert_eq!(estimate.status, Status::Ok);
@@ -207,6 +208,6 @@ fn edges_of_small_boxes_err_by_more_of_their_size() {
             .unwrap();
         scenes.push(synthetic);
     }
-    let [with, without] = compare(&scenes, &ellipsoids(), &MapOptions { pixel_noise_size: 0.0, ..ellipsoids() });
+    let [with, without] = compare(&scenes, &ellipsoids(), &PosteriorOptions { pixel_noise_size: 0.0, ..ellipsoids() });
     assert!(with.0 > 0.735 && with.0 > without.0 + 0.01, "{with:?} {without:?}");
 }

@@ -2,7 +2,7 @@
 
 use quadlift::geometry::{BodyKind, BoundingBox};
 use quadlift::metrics::squared_errors;
-use quadlift::solve::MapOptions;
+use quadlift::solve::PosteriorOptions;
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene, Trajectory, generate};
 use quadlift::{Localization, LocalizeOptions, localize};
 
@@ -40,7 +40,7 @@ fn with_habits(mut synthetic: SyntheticScene, amount: f64) -> SyntheticScene {
 }
 
 fn run(synthetic: &SyntheticScene, common_errors: bool) -> Localization {
-    let map = MapOptions { body: Some(BodyKind::Ellipsoid), common_errors, ..Default::default() };
+    let map = PosteriorOptions { body: Some(BodyKind::Ellipsoid), common_errors, ..Default::default() };
     localize(&synthetic.scene, &LocalizeOptions::from(map)).unwrap()
 }
 

@@ -37,8 +37,8 @@ fn without_and_with(case: &Case) -> [f64; 2] {
         .collect();
     [false, true].map(|upright| {
         let mut options = LocalizeOptions::default();
-        options.method.map_options_mut().unwrap().body = Some(case.body);
-        options.method.map_options_mut().unwrap().upright = upright;
+        options.method.posterior_options_mut().unwrap().body = Some(case.body);
+        options.method.posterior_options_mut().unwrap().upright = upright;
         let ious = scenes.iter().flat_map(|synthetic| {
             let localization = localize(&synthetic.scene, &options).unwrap();
             let iou = |estimate: &quadlift::solve::Estimate| {

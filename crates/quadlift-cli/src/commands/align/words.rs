@@ -78,6 +78,9 @@ pub(super) fn contradiction(contradiction: &Contradiction, is_aligned: bool) -> 
                 100.0 * sd
             )
         }
+        Contradiction::Mirrored => {
+            "the mirror image of B fits clearly better: the axes of one of the maps are left-handed".to_owned()
+        }
         Contradiction::Up => "without `up` of the files they are aligned (--no-up): check both `up`".to_owned(),
     }
 }

@@ -12,7 +12,7 @@ use crate::files::make_folder;
 
 /// Names of the files in the folder of the demo.
 pub(super) const SCENE: &str = "scene.json";
-pub(super) const TRUTH: &str = "truth.json";
+pub(super) const GROUND_TRUTH: &str = "truth.json";
 pub(super) const WRONG: &str = "wrong-poses.json";
 
 /// Files of `assets/demo`: their names and contents.
@@ -80,7 +80,7 @@ impl Desk {
         for (name, bytes) in FRAMES.iter().flatten().chain(&OTHERS) {
             write_file(&folder.join(name), |out| out.write_all(bytes))?;
         }
-        let [scene, truth] = [SCENE, TRUTH].map(|name| read_scene_file(&folder.join(name)));
+        let [scene, truth] = [SCENE, GROUND_TRUTH].map(|name| read_scene_file(&folder.join(name)));
         let (scene, truth) = (scene?, truth?);
         write_scene_file(&folder.join(WRONG), &with_opengl_axes(&scene))?;
         let shown: Shown = serde_json::from_slice(SHOWN)?;

@@ -20,7 +20,7 @@ use crate::files::make_folder;
 use crate::next::Next;
 use crate::output::{HEADING, Output};
 use crate::report::check_report;
-use desk::{Desk, SCENE, TRUTH, WRONG};
+use desk::{Desk, GROUND_TRUTH, SCENE, WRONG};
 use findings::Findings;
 
 /// Names of the found objects.
@@ -158,7 +158,7 @@ fn second_part(said: &str, mended: &Findings) -> String {
 }
 
 fn next_steps(folder: &Path) -> Next {
-    let [scene, estimate, truth, wrong] = [SCENE, ESTIMATE, TRUTH, WRONG].map(|name| folder.join(name));
+    let [scene, estimate, truth, wrong] = [SCENE, ESTIMATE, GROUND_TRUTH, WRONG].map(|name| folder.join(name));
     let [scene, estimate, truth, wrong] = [&scene, &estimate, &truth, &wrong].map(PathBuf::as_path);
     Next::default()
         .command(["view".into(), scene.into(), estimate.into()], "open the report")

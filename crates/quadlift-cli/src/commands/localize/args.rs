@@ -4,11 +4,10 @@ use std::path::PathBuf;
 
 use clap::builder::RangedU64ValueParser;
 use quadlift::options::Spelling;
-use quadlift_io::options::check_needs_map;
+use quadlift_io::options::check_needs_posterior;
 use quadlift_io::run::FileOptions;
 
 use super::direct::DirectArgs;
-use crate::args::DetailName;
 use crate::corrections::Corrections;
 use crate::error::usage;
 use crate::localization::{file_options, prior_source};
@@ -54,9 +53,9 @@ pub(crate) struct Args {
     #[arg(long, value_name = "OUT.html")]
     pub(super) report: Option<PathBuf>,
 
-    /// Level of detail of the result: full, or brief (no covariances, no figures of single views; a third of the size)
-    #[arg(long, value_enum, value_name = "WHAT", default_value_t = DetailName::Full, hide_possible_values = true)]
-    pub(super) detail: DetailName,
+    /// Write results without covariances and figures of single views: a third of the size
+    #[arg(long)]
+    pub(super) compact: bool,
 
     /// Priors on categories: "builtin" (for scenes in meters), or a TOML file
     #[arg(long, value_name = "builtin|FILE.toml")]
@@ -67,8 +66,8 @@ pub(crate) struct Args {
 
     /// Calibrate the confidence regions on an earlier result and the scene with its true objects (may be repeated): the
     /// result then lists calibrated limits
-    #[arg(long, num_args = 2, value_names = ["RESULT.json", "TRUTH.json"], action = clap::ArgAction::Append)]
-    pub(super) calibration: Vec<PathBuf>,
+    #[arg(long, num_args = 2, value_names = ["RESULT.json", "GROUND_TRUTH.json"], action = clap::ArgAction::Append)]
+    pub(super) coverage: Vec<PathBuf>,
 
     /// Number of threads [default: one per core]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
@@ -90,9 +89,9 @@ impl Args {
     /// The options of the runs. Reads the priors.
     pub(super) fn options(&self) -> anyhow::Result<FileOptions> {
         let run = self.chosen.options()?;
-        let of_map = [("priors", self.priors.is_some()), ("calibration", !self.calibration.is_empty())];
-        for (name, _) in of_map.into_iter().filter(|(_, is_given)| *is_given) {
-            check_needs_map(&run, name, Spelling::Flag).or_else(usage)?;
+        let of_posterior = [("priors", self.priors.is_some()), ("coverage", !self.coverage.is_empty())];
+        for (name, _) in of_posterior.into_iter().filter(|(_, is_given)| *is_given) {
+            check_needs_posterior(&run, name, Spelling::Flag).or_else(usage)?;
         }
         file_options(run, prior_source(self.priors.as_deref()))
     }

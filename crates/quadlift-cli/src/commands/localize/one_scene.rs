@@ -13,7 +13,7 @@ use quadlift_io::scene_file::{Detail, count_localized};
 use serde::Serialize;
 use serde_json::Value;
 
-use super::calibration::calibration_in_words;
+use super::coverage::coverage_in_words;
 use crate::association::localize_in_words;
 use crate::corrections::corrected_in_words;
 use crate::diagnosis::tell;
@@ -102,7 +102,7 @@ pub(super) fn one_scene(
     if !out.json && !out.quiet {
         text.push_str(&render(run.input.scene(), localization, options));
     }
-    text.push_str(&options.calibration.as_ref().map_or(String::new(), calibration_in_words));
+    text.push_str(&options.coverage.as_ref().map_or(String::new(), coverage_in_words));
     for path in [output, report].into_iter().flatten() {
         text.push_str(&format!("wrote {}\n", path.display()));
     }
@@ -147,7 +147,7 @@ fn tell_details(run: &FileRun, record: &RunRecord, out: &Output) {
         let rejected: Vec<String> = estimate
             .views
             .iter()
-            .filter_map(|view| Some((&scene.frames[view.frame_index].id, view.rejected_because?)))
+            .filter_map(|view| Some((&scene.frames[view.frame_index].id, view.rejection_reason?)))
             .map(|(frame, because)| format!("{frame} ({})", rejection_in_words(because)))
             .collect();
         if !rejected.is_empty() {

@@ -28,7 +28,7 @@ pub(super) struct Session<'a> {
     stream: StreamState,
     /// What is passed over of an input that is fed again.
     passed: Option<Passed>,
-    every: Option<u64>,
+    save_every: Option<u64>,
     strict: bool,
     pose_noise: Option<PoseNoise>,
     out: &'a Output,
@@ -94,15 +94,15 @@ const OTHER_RECORDING: &str =
 impl<'a> Session<'a> {
     /// A stream from its beginning, or from where its state is.
     pub(super) fn new(
-        map_options: OnlineOptions,
+        posterior_options: OnlineOptions,
         args: &Args,
         (lasting, pose_noise): (&Map<String, Value>, Option<PoseNoise>),
         out: &'a Output,
     ) -> anyhow::Result<Self> {
         let stored = args.state.as_deref().filter(|path| args.resume && path.exists());
         let stream = match stored {
-            Some(path) => read_state_file(path, map_options, lasting)?,
-            None => StreamState { map: ObjectMap::new(map_options)?, scene: Default::default(), poses_since: 0 },
+            Some(path) => read_state_file(path, posterior_options, lasting)?,
+            None => StreamState { map: ObjectMap::new(posterior_options)?, scene: Default::default(), poses_since: 0 },
         };
         let last = stream.map.last_frame();
         let passed = last.map(|(frame, time)| Passed {
@@ -116,7 +116,7 @@ impl<'a> Session<'a> {
         Ok(Self {
             passed,
             stream,
-            every: args.every,
+            save_every: args.save_every,
             strict: args.strict,
             pose_noise,
             out,
@@ -157,7 +157,7 @@ impl<'a> Session<'a> {
                 Err(error) => self.error(number, error)?,
             }
             let after = self.stream.map.frames();
-            if let Some(every) = self.every
+            if let Some(every) = self.save_every
                 && after / every > before / every
                 && files.any_on_the_way()
                 && let Err(error) = files.write(&self.stream, self.out)

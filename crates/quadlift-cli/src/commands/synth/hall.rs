@@ -1,4 +1,4 @@
-//! `quadlift synth --walkers`: a hall with fixed cameras in which people walk.
+//! `quadlift synth --pedestrians`: a hall with fixed cameras in which people walk.
 
 use quadlift::synthetic::{HallOptions, Noise, generate_hall};
 use quadlift_io::scene_file::{CameraRecord, DetectionRecord, FrameRecord, RIG_FRAME};
@@ -12,33 +12,33 @@ use crate::next::Next;
 use crate::output::Output;
 use crate::words::count;
 
-/// Time between two instants, seconds.
+/// Time between two time steps, seconds.
 const INTERVAL: f64 = 0.5;
 
 /// Cameras, where their number is not given.
 const CAMERAS: usize = 4;
 
 /// Writes the hall.
-pub(super) fn run(args: &Args, walkers: usize, out: &Output) -> anyhow::Result<Outcome> {
+pub(super) fn run(args: &Args, pedestrians: usize, out: &Output) -> anyhow::Result<Outcome> {
     check_file(&args.output)?;
-    let edge_sd = match args.noise.as_slice() {
+    let edge_noise = match args.noise.as_slice() {
         [] => 0.0,
         [Noise::BoxEdges(amount)] if *amount >= 0.0 => *amount,
-        _ => return usage("with --walkers only the boxes have noise, of one amount: --noise box:X"),
+        _ => return usage("with --pedestrians only the boxes have noise, of one amount: --noise box:X"),
     };
     let detector = &args.detector;
-    if !(0.0..=1.0).contains(&detector.misses) || detector.false_boxes < 0.0 {
-        return usage("expected --misses from 0 to 1 and --false-boxes of 0 or more");
+    if !(0.0..=1.0).contains(&detector.misses) || detector.false_positives < 0.0 {
+        return usage("expected --misses from 0 to 1 and --false-positives of 0 or more");
     }
     let options = HallOptions {
         seed: args.seed,
         cameras: args.cameras.unwrap_or(CAMERAS),
-        walkers,
-        instants: args.instants,
+        pedestrians,
+        time_steps: args.time_steps,
         interval: INTERVAL,
-        edge_sd,
+        edge_noise,
         misses: detector.misses,
-        false_boxes: detector.false_boxes,
+        false_boxes: detector.false_positives,
         ids: !args.ids.no_ids,
         ..HallOptions::default()
     };
@@ -46,7 +46,7 @@ pub(super) fn run(args: &Args, walkers: usize, out: &Output) -> anyhow::Result<O
     let [width, height] = hall.image_size.map(f64::from);
     let k = &hall.intrinsics;
     let camera_id = |camera: usize| format!("cam{camera}");
-    let frame_id = |camera: usize, instant: usize| format!("cam{camera}/{instant:06}");
+    let frame_id = |camera: usize, time_step: usize| format!("cam{camera}/{time_step:06}");
     let mut file = SceneFile {
         name: Some("hall".to_owned()),
         length_unit: Some("m".to_owned()),
@@ -62,18 +62,18 @@ pub(super) fn run(args: &Args, walkers: usize, out: &Output) -> anyhow::Result<O
             params: vec![k.fx, k.fy, k.cx, k.cy],
             ..CameraRecord::default()
         });
-        file.frames.extend((0..options.instants).map(|instant| FrameRecord {
-            id: frame_id(camera, instant),
+        file.frames.extend((0..options.time_steps).map(|time_step| FrameRecord {
+            id: frame_id(camera, time_step),
             camera: Some(camera_id(camera)),
             cam_from_world: Some(std::array::from_fn(|i| std::array::from_fn(|j| pose.matrix()[(i, j)]))),
-            time: Some(INTERVAL * instant as f64),
-            extra: [(RIG_FRAME.to_owned(), instant.into())].into_iter().collect(),
+            time: Some(INTERVAL * time_step as f64),
+            extra: [(RIG_FRAME.to_owned(), time_step.into())].into_iter().collect(),
             ..FrameRecord::default()
         }));
     }
     // One source detects an object once in a frame, so that false boxes have no ids.
     file.detections.extend(hall.boxes.iter().map(|b| DetectionRecord {
-        frame: frame_id(b.camera, b.instant).into(),
+        frame: frame_id(b.camera, b.time_step).into(),
         object: b.object.map(|object| format!("walker_{object}").into()),
         category: Some("person".into()),
         bounding_box: Some(b.bounding_box.edges()),
@@ -84,19 +84,22 @@ pub(super) fn run(args: &Args, walkers: usize, out: &Output) -> anyhow::Result<O
         "wrote {}: {}, {} at {}, {} boxes\n",
         args.output.display(),
         count(hall.cameras.len(), "camera"),
-        count(walkers, "walker"),
-        count(options.instants, "instant"),
+        count(pedestrians, "walker"),
+        count(options.time_steps, "time step"),
         hall.boxes.len(),
     ))?;
     let path = args.output.as_path();
     Next::default()
-        .command(["calibrate".into(), path.into(), "--all -o rig.json".into()], "find its cameras from the boxes alone")
+        .command(
+            ["calibrate".into(), path.into(), "--include-posed -o rig.json".into()],
+            "find its cameras from the boxes alone",
+        )
         .tell(out)?;
     out.document(&json!({
         "output": args.output.display().to_string(),
         "cameras": hall.cameras.len(),
-        "walkers": walkers,
-        "instants": options.instants,
+        "pedestrians": pedestrians,
+        "time_steps": options.time_steps,
         "detections": hall.boxes.len(),
     }))?;
     Ok(Outcome::Fine)

@@ -29,7 +29,7 @@ fn message(file: &str, from: &str, to: &str) -> String {
 const FIRST_IMAGE: &str = "1 0.99843790685865852 0.049973962402041015 0 0.024986981201020508 0 0 4 1 camera1/0.png";
 
 #[test]
-fn images_of_one_instant_have_the_frame_of_their_rig() {
+fn images_of_one_time_step_have_the_frame_of_their_rig() {
     for form in ["rig_text", "rig_binary"] {
         let import = read_colmap(&fixture(form), 0).unwrap();
         let frames: Vec<(&str, u64)> =

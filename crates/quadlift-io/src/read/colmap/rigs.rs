@@ -1,6 +1,6 @@
 //! Rigs and frames of a COLMAP model (`rigs` and `frames`, since COLMAP 3.12), as text or binary.
 //!
-//! A rig has sensors with fixed poses, a frame is a rig at one instant with the images of its cameras. COLMAP still writes the
+//! A rig has sensors with fixed poses, a frame is a rig at one time step with the images of its cameras. COLMAP still writes the
 //! pose of each image to `images`, but reads the poses of the frames: `cam_from_world = sensor_from_rig rig_from_world`. Format:
 //! "Output Format" of COLMAP's documentation and `src/colmap/scene/reconstruction_io` of COLMAP.
 
@@ -292,9 +292,9 @@ impl Rigs {
         let mut notes = Vec::new();
         let many = self.rigs.values().filter(|rig| rig.len() > 1).count();
         if many > 0 {
-            let instants = self.frames.values().filter(|&&images| images > 1).count();
+            let time_steps = self.frames.values().filter(|&&images| images > 1).count();
             let rigs = count(many, "rig");
-            let frames = count(instants, "frame");
+            let frames = count(time_steps, "frame");
             notes.push(format!("{rigs} with several sensors, {frames} with several images, which have one rig_frame"));
         }
         if computed > 0 {

@@ -22,7 +22,7 @@ pub(super) const FORMAT: DetectionFormat = Format {
     title: "a CSV table",
     about: "A CSV table of boxes",
     looks: "CSV (names of columns, or 5 or 6 numbers)",
-    options: &["frame_column", "names", "pixel_centers"],
+    options: &["frame_column", "class_names", "pixel_centers"],
     finds: |probe| {
         let Some(line) = probe.line()? else { return Ok(None) };
         let is_score = |number: &Option<f64>| number.is_some_and(|score| (0.0..=1.0).contains(&score));

@@ -68,7 +68,7 @@ pub(super) const FORMAT: DetectionFormat = Format {
     title: "MOTChallenge",
     about: "MOTChallenge: detections, tracks or ground truth",
     looks: "MOTChallenge (7 to 10 numbers between commas, or gt/gt.txt)",
-    options: &["columns", "box_origin", "names"],
+    options: &["columns", "box_origin", "class_names"],
     finds: |probe| {
         if let Some(folder) = probe.folder() {
             return probe.when(PLACES.iter().any(|place| folder.join(place).is_file()));

@@ -24,7 +24,7 @@ pub(super) const FORMAT: DetectionFormat = Format {
     title: "supervision",
     about: "The file of supervision's CSVSink or JSONSink",
     looks: "supervision (a column x_min)",
-    options: &["frame_column", "names", "pixel_centers"],
+    options: &["frame_column", "class_names", "pixel_centers"],
     finds: |probe| {
         let is_header = probe.line()?.is_some_and(|line| line.are_names() && line.have("x_min"));
         probe.when(is_header || probe.keys()?.has("x_min"))

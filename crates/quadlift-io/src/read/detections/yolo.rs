@@ -58,7 +58,7 @@ pub(super) const FORMAT: DetectionFormat = Format {
     title: "YOLO",
     about: "Ultralytics YOLO: label files with boxes, polygons or rotated boxes, and track ids",
     looks: "YOLO (a folder of .txt with a class and numbers from 0 to 1)",
-    options: &["kind", "columns", "names"],
+    options: &["kind", "columns", "class_names"],
     finds: |probe| match probe.labels("txt")? {
         Some(first) => probe.when(first.line()?.is_some_and(is_label)),
         None => Ok(None),
@@ -150,7 +150,7 @@ pub(super) fn parse_yolo(path: &Path, files: &[LabelFile], options: &YoloOptions
         notes.push(format!("{repeated} duplicate lines were ignored: a run may have been repeated"));
     }
     if options.names.is_none() {
-        notes.push("the class names are unknown: category numbers are used (--names FILE)".to_owned());
+        notes.push("the class names are unknown: category numbers are used (--class-names FILE)".to_owned());
     }
     Ok(DetectionFiles { path: path.to_owned(), images, normalized: true, numbering: Numbering::OfNames, notes })
 }

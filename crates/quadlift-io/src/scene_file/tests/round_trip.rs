@@ -225,19 +225,19 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
     let bodies = (bodies, cylinder(), cylinder());
     let numbers_of_view = (option::of(number()), option::of(number()), option::of(number()));
     let view = (text(), numbers_of_view, any::<bool>(), option::of(text()), extra()).prop_map(
-        |(frame, (residual_px, deviations, predicted_iou), inlier, rejected_because, extra)| ViewRecord {
+        |(frame, (residual_px, normalized_residual, predicted_iou), inlier, rejection_reason, extra)| ViewRecord {
             frame,
             residual_px,
-            deviations,
+            normalized_residual,
             inlier,
-            rejected_because,
+            rejection_reason,
             predicted_iou,
             extra,
         },
     );
     let checked = (number(), any::<usize>(), option::of(number()), option::of(text()), extra()).prop_map(
-        |(iou, views, edge_error, odd_view, extra)| {
-            Box::new(CrossValidationRecord { iou, views, edge_error, odd_view, extra })
+        |(iou, views, edge_error, suspect_view, extra)| {
+            Box::new(CrossValidationRecord { iou, views, edge_error, suspect_view, extra })
         },
     );
     let views = (option::of(any::<usize>()), vec(text(), 0..3), vec(view, 0..3), vec(text(), 0..3));
@@ -245,17 +245,15 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
         Box::new(CovarianceRecord { coordinates, matrix: std::array::from_fn(|i| m[i]), extra })
     });
     let names = (text(), option::of(text()), option::of(text()));
-    let misfit = (number(), number(), extra()).prop_map(|(deviations, relative, extra)| MisfitRecord {
-        deviations,
-        relative,
-        extra,
+    let goodness_of_fit = (number(), number(), extra()).prop_map(|(normalized_residual, relative_residual, extra)| {
+        GoodnessOfFitRecord { normalized_residual, relative_residual, extra }
     });
-    let residuals = (option::of(number()), option::of(misfit), alternatives);
+    let residuals = (option::of(number()), option::of(goodness_of_fit), alternatives);
     let figures = (option::of(numbers()), option::of(number()), residuals, option::of(covariance));
     (names, figures, bodies, views, option::of(checked), extra()).prop_map(
         |(names, figures, bodies, views, checked, extra)| {
             let (id, category, status) = names;
-            let (center, center_sd, (residual_px, misfit, alternatives), covariance) = figures;
+            let (center, center_sd, (residual_px, goodness_of_fit, alternatives), covariance) = figures;
             let (bodies, cylinder, enclosing_cylinder) = bodies;
             let (ellipsoid, enclosing_ellipsoid, cuboid, enclosing_cuboid, superellipsoid, enclosing_superellipsoid) =
                 bodies;
@@ -277,7 +275,7 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
                 views_used,
                 views_rejected,
                 residual_px,
-                misfit,
+                goodness_of_fit,
                 alternatives,
                 view_residuals_px,
                 cross_validation: checked,

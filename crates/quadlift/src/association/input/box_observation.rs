@@ -110,7 +110,7 @@ impl BoxObservation {
     }
 
     /// Sets the ray through the center; `inverse` is the inverse of the first three columns of the camera matrix.
-    pub(crate) fn locate(&mut self, inverse: &Matrix3<f64>, focal: f64) {
+    pub(crate) fn relocalize(&mut self, inverse: &Matrix3<f64>, focal: f64) {
         let center = self.center();
         self.ray = inverse * Vector3::new(center.x, center.y, 1.0);
         self.radius_per_depth = (0.5 * (self.log_half[0] + self.log_half[1])).exp() / focal;

@@ -102,7 +102,7 @@ impl Observations {
             for (edge, value) in observation.edges.iter_mut().enumerate() {
                 *value += by[edge % 2];
             }
-            observation.locate(&inverse, camera.focal);
+            observation.relocalize(&inverse, camera.focal);
         }
     }
 

@@ -1,6 +1,6 @@
 //! The most probable ellipsoid for a set of boxes: fast, for many candidate sets.
 //!
-//! It shares with the estimator ([`crate::solve::map`]) what is the same mathematics: bodies and their distance to a tangent
+//! It shares with the estimator ([`crate::solve::posterior`]) what is the same mathematics: bodies and their distance to a tangent
 //! plane, Student's t, the shape prior, normal equations and Levenberg-Marquardt. The sum over the boxes is its own, because the
 //! two differ in every term:
 //!
@@ -219,7 +219,7 @@ mod tests {
         let truth = ellipsoid();
         let (observations, _) = seen_by(12, &truth);
         let mut statistics = SceneStatistics::new(&observations, vec![None], 1e-3);
-        statistics.edge_sd = 1e-4;
+        statistics.edge_noise = 1e-4;
         let center = truth.center.coords - observations.origin;
         let start = Start::sphere(center + Vector3::new(0.5, -0.4, 0.3), 2.0);
         let object = fit(&observations, &statistics, (0..12).collect(), &[start]).unwrap();
@@ -248,7 +248,7 @@ mod tests {
                 observation.cut[2] = cut;
             }
             let mut statistics = SceneStatistics::new(&observations, vec![None], 0.1);
-            statistics.edge_sd = 0.05;
+            statistics.edge_noise = 0.05;
             let start = Start::sphere(center(&observations), 2.0);
             let object = fit(&observations, &statistics, (0..12).collect(), &[start]).unwrap();
             (object.root * object.root.transpose() - truth.shape()).amax()

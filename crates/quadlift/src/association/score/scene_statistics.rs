@@ -26,9 +26,9 @@ pub(crate) const LARGEST_SHIFT_SD: f64 = 10.0;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct SceneStatistics {
     /// Standard deviation of an edge relative to the half size of its box.
-    pub edge_sd: f64,
+    pub edge_noise: f64,
     /// The size-independent part, pixels.
-    pub pixel_sd: f64,
+    pub edge_noise_px: f64,
     /// Logarithm of the number of clutter boxes per frame.
     pub log_clutter_rate: f64,
     /// Sizes of each category, if known.
@@ -50,22 +50,22 @@ pub(crate) struct SceneStatistics {
 
 impl SceneStatistics {
     /// Before anything is learned.
-    pub(crate) fn new(observations: &Observations, given_sizes: Vec<Option<LogSize>>, pixel_sd: f64) -> Self {
+    pub(crate) fn new(observations: &Observations, given_sizes: Vec<Option<LogSize>>, edge_noise_px: f64) -> Self {
         let per_frame = observations.boxes.len() as f64 / observations.cameras.len().max(1) as f64;
         Self {
             log_clutter_rate: first_log_clutter_rate(per_frame),
             log_sizes: given_sizes,
             hidden: vec![[false; 4]; observations.boxes.len()],
             shifts: vec![Vector2::zeros(); observations.cameras.len()],
-            ..Self::unlearned(pixel_sd)
+            ..Self::unlearned(edge_noise_px)
         }
     }
 
     /// Before there is any box.
-    pub(crate) fn unlearned(pixel_sd: f64) -> Self {
+    pub(crate) fn unlearned(edge_noise_px: f64) -> Self {
         Self {
-            edge_sd: FIRST_EDGE_SD,
-            pixel_sd,
+            edge_noise: FIRST_EDGE_SD,
+            edge_noise_px,
             log_clutter_rate: first_log_clutter_rate(0.0),
             log_sizes: Vec::new(),
             volume: f64::INFINITY,
@@ -78,7 +78,7 @@ impl SceneStatistics {
 
     /// Standard deviation of the edges of a box, pixels.
     pub(crate) fn sd(&self, observation: &BoxObservation) -> f64 {
-        (self.edge_sd * observation.half_size).hypot(self.pixel_sd)
+        (self.edge_noise * observation.half_size).hypot(self.edge_noise_px)
     }
 
     /// Edges of a box that only bound the extent of the object from below.
@@ -122,7 +122,7 @@ impl SceneStatistics {
         if errors.len() > 10
             && let Some(middle) = median(&mut errors)
         {
-            self.edge_sd = (1.4826 * middle).clamp(EDGE_SD_RANGE[0], EDGE_SD_RANGE[1]);
+            self.edge_noise = (1.4826 * middle).clamp(EDGE_SD_RANGE[0], EDGE_SD_RANGE[1]);
         }
     }
 

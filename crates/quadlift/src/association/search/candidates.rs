@@ -318,7 +318,7 @@ mod tests {
     fn compare(views: u32, bonus: f64) -> [usize; 3] {
         let bodies = crowd(200);
         let (_, observations, mut statistics) = of_frames(8, |_| bodies.iter().map(|b| (*b, None)).collect());
-        statistics.edge_sd = 0.03;
+        statistics.edge_noise = 0.03;
         let gains = LogLikelihoodRatios::new(&observations, &statistics);
         let own_bonus = |index: u32| if index.is_multiple_of(3) { bonus } else { 0.0 };
         let mut totals = [0; 3];

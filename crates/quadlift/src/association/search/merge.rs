@@ -164,7 +164,7 @@ mod tests {
     fn of_halves(by: f64, change: impl Fn(&mut [Object; 2])) -> Vec<usize> {
         let body_of = |frame: usize| vec![(if frame < 6 { ellipsoid() } else { moved(by) }, None)];
         let (scene, observations, mut statistics) = of_frames(12, body_of);
-        (statistics.volume, statistics.edge_sd) = (1e5, 0.02);
+        (statistics.volume, statistics.edge_noise) = (1e5, 0.02);
         let options = AssociateOptions::default();
         let context = AssociationContext::new(&scene, &observations, &options);
         let mut halves = [(0, 0.0), (6, by)].map(|(first, by)| {

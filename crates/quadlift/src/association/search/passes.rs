@@ -34,7 +34,7 @@ pub(crate) fn search(
     observations: Observations,
     observer: &dyn Observer,
 ) -> Option<State> {
-    let slack = context.options.pixel_sd.unwrap_or(PIXEL_SDS[0]);
+    let slack = context.options.edge_noise_px.unwrap_or(PIXEL_SDS[0]);
     let statistics = SceneStatistics::new(&observations, context.given_sizes.clone(), slack);
     let mut state = State { observations, statistics, objects: Vec::new() };
     state.objects = trusted_objects(context, &state);
@@ -47,19 +47,19 @@ pub(crate) fn search(
     }
     let steps = Steps::new(context, &state, observer);
     let mut best = passes(context, &state, &steps);
-    if context.options.pixel_sd.is_none() {
+    if context.options.edge_noise_px.is_none() {
         for slack in &PIXEL_SDS[1..] {
             if best.objects.is_empty() {
                 break;
             }
             let mut trial = best.clone();
-            trial.statistics.pixel_sd = *slack;
+            trial.statistics.edge_noise_px = *slack;
             trial.settle(context, TRIAL_ROUNDS);
             let least = MIN_EVIDENCE_SHARE.get() * best.evidence(context);
             if trial.evidence(context) < least {
                 break;
             }
-            state.statistics.pixel_sd = *slack;
+            state.statistics.edge_noise_px = *slack;
             steps.another();
             let other = passes(context, &state, &steps);
             if other.evidence(context) < least {

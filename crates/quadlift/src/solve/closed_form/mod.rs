@@ -17,7 +17,7 @@ use super::report::{describe, describe_center};
 use crate::geometry::{Body, Ellipse, Ellipsoid, EllipsoidError, Projection};
 use crate::scene::ObjectViews;
 
-/// Solves for one object with a closed form or the paper's regularized estimator. [`Method::Map`] needs all objects of
+/// Solves for one object with a closed form or the paper's regularized estimator. [`Method::Posterior`] needs all objects of
 /// a scene, see [`super::map`]; here it gives the result of `planes`.
 pub(crate) fn solve_closed_form(object: &ObjectViews, method: &Method, enclosing_quantile: f64) -> Estimate {
     let blank = |status| Estimate::failed(object.object_index, object.category_index, status);
@@ -31,7 +31,7 @@ pub(crate) fn solve_closed_form(object: &ObjectViews, method: &Method, enclosing
         ClosedFormError::Degenerate => Status::Degenerate,
     };
     let solution: Result<Result<Ellipsoid, EllipsoidError>, Status> = match method {
-        Method::Planes | Method::Map(_) => planes(&object.views).map(|solution| solution.to_ellipsoid()),
+        Method::Planes | Method::Posterior(_) => planes(&object.views).map(|solution| solution.to_ellipsoid()),
         Method::Lfd => lfd(&observations).map(|solution| solution.to_ellipsoid()).map_err(status),
         Method::Pfd => pfd(&observations).map(|solution| solution.dual_quadric.to_ellipsoid()).map_err(status),
         Method::Reg(options) => {

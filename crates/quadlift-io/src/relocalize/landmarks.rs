@@ -1,0 +1,61 @@
+//! The objects of a scene file as landmarks.
+
+use quadlift::nalgebra::Matrix3;
+use quadlift::relocalize::Landmark;
+use quadlift::solve::Status;
+
+use crate::error::EntryError;
+use crate::scene_file::{ObjectBodies, SceneFile};
+
+/// The objects of a map whose bodies are known, as landmarks.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ObjectLandmarks {
+    /// Their ids.
+    pub ids: Vec<String>,
+    /// The landmarks, in the order of the ids.
+    pub landmarks: Vec<Landmark>,
+    /// Number of objects that are left out: not localized, or gone.
+    pub left_out: usize,
+}
+
+impl SceneFile {
+    /// The objects as landmarks: estimates with the status `ok`, or true objects. An object that is no ellipsoid has the
+    /// ellipsoid of its estimate, or the one of the same reach. Those that a map of a stream calls gone are left out.
+    ///
+    /// # Errors
+    /// [`EntryError`], as of [`SceneFile::to_objects`].
+    pub fn to_landmarks(&self) -> Result<ObjectLandmarks, EntryError> {
+        let mut found = ObjectLandmarks::default();
+        for (record, bodies) in self.objects.iter().zip(self.to_objects()?) {
+            match landmark(&bodies).filter(|_| !record.is_gone()) {
+                Some(landmark) => {
+                    found.landmarks.push(landmark);
+                    found.ids.push(bodies.id);
+                }
+                None => found.left_out += 1,
+            }
+        }
+        Ok(found)
+    }
+
+    /// Standard deviation of the edges of boxes relative to their mean half size, if the result of a localization reports it:
+    /// of all their errors, those that the views of an object have in common included.
+    pub fn edge_noise(&self) -> Option<f64> {
+        let levels = self.noise_levels().ok()?;
+        let level = |wanted: &str| levels.levels().find(|(name, _)| *name == wanted).map(|(_, x)| x);
+        Some(level("edge_noise")? * 1f64.hypot(level("edge_common").unwrap_or(0.0)))
+    }
+}
+
+fn landmark(object: &ObjectBodies) -> Option<Landmark> {
+    if object.status.is_some_and(|status| status != Status::Ok) {
+        return None;
+    }
+    let covariance =
+        |matrix: &quadlift::solve::Matrix9| -> Matrix3<f64> { matrix.fixed_view::<3, 3>(0, 0).into_owned() };
+    Some(Landmark {
+        ellipsoid: object.ellipsoid().or_else(|| Some(object.body()?.ellipsoid()))?,
+        center_covariance: object.covariance.as_ref().map(|of_body| covariance(&of_body.matrix)),
+        category: object.category.clone(),
+    })
+}

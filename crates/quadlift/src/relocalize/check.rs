@@ -1,0 +1,168 @@
+//! The self-check of images: whether a common mistake of their boxes or cameras explains them better (docs/method.md, section 20).
+//!
+//! A focal length or an image size that is wrong moves all boxes alike, and poses follow: an image alone looks nearly right, from a wrong
+//! place.
+
+use super::{LandmarkMap, LocateOptions, LocateStatus, Query, QueryBox, Relocalization};
+use crate::diagnosis::{BoxFormat, Correction};
+use crate::parallel::map_indices;
+
+/// Images that are looked at, evenly spread: errors of this size are common to all.
+const MOST_IMAGES: usize = 10;
+
+/// Images with which all mistakes are tried, where something is wrong.
+const FEW_IMAGES: usize = 4;
+
+/// Factors that are tried in any case; steps of those that are tried where something is wrong, and their number each way, from 0.47 to 2.1.
+const NEAR: f64 = 1.1;
+const STEP: f64 = 1.21;
+const STEPS: i32 = 4;
+
+/// Usual factors between the sizes of images.
+const SIZES: [f64; 6] = [0.5, 2.0 / 3.0, 0.75, 4.0 / 3.0, 1.5, 2.0];
+
+/// Usual sides of letterboxed images, pixels.
+const LETTERBOXES: [f64; 4] = [416.0, 512.0, 640.0, 1280.0];
+
+/// Factors to the sides of the best one.
+const FINER: [f64; 3] = [1.1, 1.05, 1.025];
+
+/// Share of the images that are located where nothing is wrong; below it all mistakes are tried. A correction must locate as many.
+const USUAL_SHARE: f64 = 0.75;
+
+/// Share of the boxes that are explained where nothing is wrong; below it all mistakes are tried.
+const USUAL_MATCHES: f64 = 0.6;
+
+/// Logarithm of the evidence by which a correction must be better, and the share of the evidence.
+const CLEARLY: f64 = 10.0;
+const CLEAR_SHARE: f64 = 0.1;
+
+/// An image as it was located.
+#[derive(Debug, Clone)]
+pub struct LocatedImage<'a> {
+    /// The camera and the boxes.
+    pub query: &'a Query,
+    /// The options with which it was located.
+    pub options: LocateOptions,
+    /// What [`LandmarkMap::locate`] found.
+    pub located: &'a Relocalization,
+}
+
+/// A mistake that explains all images clearly better once it is corrected.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CommonMistake {
+    /// What corrects it: [`Correction::FocalFactor`], [`Correction::ImageScale`], a letterbox or another format of boxes.
+    pub correction: Correction,
+    /// Sum of the evidence of the sampled images as they were given (nats).
+    pub evidence: f64,
+    /// The same after the correction.
+    pub corrected_evidence: f64,
+}
+
+/// An image after a correction; boxes that are none then are left out.
+fn corrected(query: &Query, correction: &Correction) -> Option<Query> {
+    let size = query.image_size;
+    let corrected_box = |b: &QueryBox| {
+        let change = |of: &crate::geometry::BoundingBox| correction.bounding_box(of, &query.intrinsics, size);
+        // Where a lens bends the image, both are moved alike: the border is near enough.
+        let box_in_image = b.box_in_image.as_ref().and_then(change);
+        Some(QueryBox { bounding_box: change(&b.bounding_box)?, box_in_image, category: b.category.clone() })
+    };
+    let intrinsics = correction.intrinsics(&query.intrinsics, size)?;
+    Some(Query { intrinsics, image_size: size, boxes: query.boxes.iter().filter_map(corrected_box).collect() })
+}
+
+/// How well images are explained.
+#[derive(Debug, Clone, Copy, Default)]
+struct Explained {
+    evidence: f64,
+    located: usize,
+    /// Boxes that the poses explain.
+    matches: usize,
+}
+
+fn evenly<'a>(images: &[LocatedImage<'a>], most: usize) -> Vec<LocatedImage<'a>> {
+    images.iter().step_by(images.len().div_ceil(most).max(1)).cloned().collect()
+}
+
+impl LandmarkMap {
+    /// A mistake that all images have in common, if correcting it explains them clearly better; with images from one camera, or from
+    /// cameras that are wrong in the same way. It takes about four times as long as to locate ten images, and longer where they cannot be
+    /// located. The same input gives the same answer.
+    pub fn common_mistake(&self, images: &[LocatedImage]) -> Option<CommonMistake> {
+        let sample = evenly(images, MOST_IMAGES);
+        let few = evenly(&sample, FEW_IMAGES);
+        let [given, given_few] = [&sample, &few].map(|images| self.explained(images, None));
+        let is_usual = |found: &Explained| found.located as f64 >= USUAL_SHARE * sample.len() as f64;
+        let is_known = |b: &&QueryBox| self.landmarks.iter().any(|landmark| landmark.may_be(b.category.as_deref()));
+        let boxes: usize = sample.iter().map(|image| image.query.boxes.iter().filter(is_known).count()).sum();
+        let explains = given.matches as f64 >= USUAL_MATCHES * boxes as f64;
+        let is_clear = |found: &Explained| found.evidence > given.evidence + CLEARLY.max(CLEAR_SHARE * given.evidence);
+        let both = |factor: f64| [Correction::ImageScale(factor), Correction::FocalFactor(factor)];
+        let near: Vec<Correction> = [1.0 / NEAR, NEAR].into_iter().flat_map(both).collect();
+        let mut best = self.best_of(&near, &sample)?;
+        if !is_clear(&best.1) && is_usual(&given) && explains {
+            return None;
+        }
+        let factors = (1..=STEPS).flat_map(|k| [STEP.powi(-k), STEP.powi(k)]);
+        let mut others: Vec<Correction> = factors.flat_map(both).collect();
+        others.extend(SIZES.map(Correction::ImageScale));
+        let formats = [BoxFormat::CenterReadAsCorner, BoxFormat::CornersReadAsSize, BoxFormat::SwappedAxes];
+        others.extend(formats.map(Correction::Boxes));
+        let turned = |orientation| Correction::TurnedPictures { orientation, fractions: false };
+        others.extend([2, 3, 4, 6, 7, 8].map(turned));
+        others.extend([Correction::NormalizedBoxes, Correction::NormalizedLetterbox]);
+        others.extend(LETTERBOXES.map(Correction::Letterbox));
+        if let Some((other, found)) = self.best_of(&others, &few)
+            && found.evidence > given_few.evidence
+        {
+            let found = self.explained(&sample, Some(&other));
+            best = if found.evidence > best.1.evidence { (other, found) } else { best };
+        }
+        for side in FINER {
+            let sides = |of: fn(f64) -> Correction, factor: f64| [of(factor / side), of(factor * side)];
+            let finer = match best.0 {
+                Correction::ImageScale(factor) => sides(Correction::ImageScale, factor),
+                Correction::FocalFactor(factor) => sides(Correction::FocalFactor, factor),
+                _ => break,
+            };
+            best = self.best_of(&finer, &sample).filter(|other| other.1.evidence > best.1.evidence).unwrap_or(best);
+        }
+        let (correction, Explained { evidence, .. }) = best;
+        (is_clear(&best.1) && is_usual(&best.1)).then_some(CommonMistake {
+            correction,
+            evidence: given.evidence,
+            corrected_evidence: evidence,
+        })
+    }
+
+    /// The correction with the largest evidence, the first one of equal ones.
+    fn best_of(&self, corrections: &[Correction], images: &[LocatedImage]) -> Option<(Correction, Explained)> {
+        let found = corrections.iter().map(|correction| (*correction, self.explained(images, Some(correction))));
+        found.reduce(|best, other| if other.1.evidence > best.1.evidence { other } else { best })
+    }
+
+    /// How well images are explained after a correction, or as they were located.
+    fn explained(&self, images: &[LocatedImage], correction: Option<&Correction>) -> Explained {
+        let of_image = |k: usize| {
+            let LocatedImage { query, options, located } = &images[k];
+            let again = match correction {
+                Some(correction) => Some(self.relocalize(&corrected(query, correction)?, options)),
+                None => None,
+            };
+            let found = again.as_ref().unwrap_or(located);
+            let best = found.poses.first().filter(|_| found.status != LocateStatus::NoPose)?;
+            // The density of a box is that in given pixels; that of false boxes, per area of the image and of the box, has half of it.
+            let map = correction.and_then(|correction| correction.pixel_map(query.image_size));
+            let log_scale = map.map_or(0.0, |map| map.scale().ln());
+            let matches = best.matches.len();
+            Some((best.evidence + 2.0 * log_scale * matches as f64, matches)).filter(|(evidence, _)| *evidence > 0.0)
+        };
+        let all = map_indices(images.len(), of_image);
+        Explained {
+            evidence: all.iter().flatten().map(|(evidence, _)| evidence).sum(),
+            located: all.iter().flatten().count(),
+            matches: all.iter().flatten().map(|(_, matches)| matches).sum(),
+        }
+    }
+}

@@ -1,0 +1,307 @@
+//! Where a camera is, from the objects that it sees: the boxes of one image against a map of objects (ours; docs/method.md,
+//! section 20).
+//!
+//! Appearance is not used: a map that was made from one side is found again from the other, in any light. An object's size and
+//! its box tell about how far it is, so that three objects give a pose (`hypotheses`); poses are refined with the edges of all
+//! boxes that they explain (`refine`), and compared by their evidence (`score`). Where another pose explains the image
+//! nearly as well, the answer is [`LocateStatus::Ambiguous`], and all of them are given.
+//!
+//! ```
+//! use nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
+//! use quadlift::geometry::{CamFromWorld, Ellipsoid, Intrinsics, Projection, project_bounding_box};
+//! use quadlift::relocalize::{Landmark, LandmarkMap, LocateOptions, LocateStatus, Query, QueryBox};
+//!
+//! let landmark = |x: f64, y: f64, z: f64, size: f64| Landmark {
+//!     ellipsoid: Ellipsoid {
+//!         center: Point3::new(x, y, z),
+//!         semi_axes: Vector3::new(size, 0.8 * size, 0.6 * size),
+//!         rotation: Rotation3::identity(),
+//!     },
+//!     center_covariance: None,
+//!     category: Some(format!("thing {size}")),
+//! };
+//! let landmarks = vec![
+//!     landmark(0.0, 0.0, 5.0, 0.3),
+//!     landmark(1.0, 0.4, 6.0, 0.4),
+//!     landmark(-1.2, -0.3, 5.5, 0.5),
+//!     landmark(0.6, -0.8, 4.5, 0.2),
+//! ];
+//! let intrinsics = Intrinsics::new(600.0, 600.0, 320.0, 240.0)?;
+//! let truth = CamFromWorld::new(Matrix3x4::identity())?;
+//! let projection = Projection::from_camera(&intrinsics, &truth);
+//! let boxes = landmarks.iter().map(|landmark| {
+//!     let bounding_box = project_bounding_box(&projection, &landmark.ellipsoid)?;
+//!     Ok(QueryBox { bounding_box, box_in_image: None, category: landmark.category.clone() })
+//! });
+//! let boxes = boxes.collect::<Result<Vec<_>, quadlift::geometry::ProjectionError>>()?;
+//! let query = Query { intrinsics, image_size: Some([640.0, 480.0].into()), boxes };
+//! let map = LandmarkMap::new(landmarks);
+//! let found = map.locate(&query, &LocateOptions::default());
+//! assert_eq!(found.status, LocateStatus::Ok);
+//! assert!((found.poses[0].cam_from_world.matrix() - truth.matrix()).norm() < 1e-6);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod check;
+mod prepared;
+mod refine;
+mod score;
+mod hypotheses;
+#[cfg(test)]
+mod tests;
+
+use nalgebra::{Matrix3, Matrix6, Unit, Vector2, Vector3};
+
+pub use self::check::{CommonMistake, LocatedImage};
+use self::hypotheses::Groups;
+use self::prepared::PreparedQuery;
+use crate::geometry::rigid::Pose;
+use crate::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics};
+use crate::localize::Localization;
+use crate::solve::{Estimate, Status};
+use crate::tuning::CLEAR;
+
+/// An object of the map whose place is known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Landmark {
+    /// Its body, world frame.
+    pub ellipsoid: Ellipsoid,
+    /// Covariance of its center, world units squared; without one it counts as exact.
+    pub center_covariance: Option<Matrix3<f64>>,
+    /// Boxes of other categories are not this object. Without one any box may be.
+    pub category: Option<String>,
+}
+
+/// A box of an image whose camera is sought.
+#[derive(Debug, Clone, PartialEq)]
+pub struct QueryBox {
+    /// The box, pixels without distortion.
+    pub bounding_box: BoundingBox,
+    /// Where it is in the image itself, whose border may cut it: only where a lens bends the image.
+    pub box_in_image: Option<BoundingBox>,
+    /// Its category, if known.
+    pub category: Option<String>,
+}
+
+/// The boxes of one image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Query {
+    /// The camera, without distortion.
+    pub intrinsics: Intrinsics,
+    /// Width and height in pixels: boxes at the border may be cut off there. Without it none is.
+    pub image_size: Option<Vector2<f64>>,
+    /// Its boxes.
+    pub boxes: Vec<QueryBox>,
+}
+
+/// The direction against gravity, where a sensor tells it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gravity {
+    /// Upwards in the world.
+    pub up_in_world: Unit<Vector3<f64>>,
+    /// Upwards in the frame of the camera: x to the right, y down, z forwards.
+    pub up_in_camera: Unit<Vector3<f64>>,
+    /// Standard deviation of the angle between the two, each way, radians.
+    pub sd: f64,
+}
+
+/// How high a camera is, where that is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraHeight {
+    /// Upwards in the world.
+    pub up_in_world: Unit<Vector3<f64>>,
+    /// Coordinate of the camera's center along it, from the origin of the world, world units.
+    pub height: f64,
+    /// Its standard deviation, world units.
+    pub sd: f64,
+}
+
+/// Options of [`LandmarkMap::locate`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct LocateOptions {
+    /// Standard deviation of the edges of boxes, relative to their mean half size.
+    pub edge_noise: f64,
+    /// Direction against gravity: two objects are then enough.
+    pub gravity: Option<Gravity>,
+    /// Height of the camera.
+    pub height: Option<CameraHeight>,
+}
+
+impl Default for LocateOptions {
+    /// Edges with 5 % (docs/method/constants.csv), gravity and height unknown.
+    fn default() -> Self {
+        Self { edge_noise: EDGE_SD, gravity: None, height: None }
+    }
+}
+
+/// Usual standard deviation of the edges of a detector's boxes, relative to the half size.
+const EDGE_SD: f64 = 0.05;
+
+/// How an image was located.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum LocateStatus {
+    /// The first pose is the only one that explains the image.
+    Ok,
+    /// Several different poses explain it; they are all given, the most probable one first. Or not all could be examined, and none that was
+    /// explains most of the boxes.
+    Ambiguous,
+    /// Fewer than three boxes (two with gravity) whose category is in the map.
+    TooFewObjects,
+    /// No pose explains it better than chance.
+    NoPose,
+    /// All images are clearly better explained once a common mistake is corrected. [`LandmarkMap::locate`] sees one image and does not check it:
+    /// callers with several use [`LandmarkMap::common_mistake`].
+    Inconsistent,
+}
+
+impl LocateStatus {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Ambiguous => "ambiguous",
+            Self::TooFewObjects => "too_few_objects",
+            Self::NoPose => "no_pose",
+            Self::Inconsistent => "inconsistent",
+        }
+    }
+}
+
+/// A pose that explains the boxes of an image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LocatedPose {
+    /// The pose.
+    pub cam_from_world: CamFromWorld,
+    /// Covariance of the camera's errors, in the frame of the camera: rotation vector (radians) and position (world units).
+    pub covariance: Matrix6<f64>,
+    /// Which box shows which landmark (indices), for boxes that are explained.
+    pub matches: Vec<(usize, usize)>,
+    /// Logarithm of the odds against boxes that come from nowhere (nats): the larger, the better.
+    pub evidence: f64,
+}
+
+impl LocatedPose {
+    /// Standard deviations of the rotation (radians) and the position (world units): root mean squares over the axes.
+    pub fn sds(&self) -> [f64; 2] {
+        [0, 3].map(|first| {
+            let mean = self.covariance.fixed_view::<3, 3>(first, first).trace() / 3.0;
+            mean.max(0.0).sqrt()
+        })
+    }
+}
+
+/// Where the camera of an image is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Relocalization {
+    /// Whether the first pose can be trusted.
+    pub status: LocateStatus,
+    /// Poses that explain the image, the best first; with [`LocateStatus::Ok`] the others are less probable than 1 in 100.
+    pub poses: Vec<LocatedPose>,
+}
+
+/// Matches of a pose that explains most boxes from which the search ends: chance does not explain as many.
+const ENOUGH_MATCHES: usize = 6;
+
+/// Poses that are told at most.
+const MOST_POSES: usize = 8;
+
+/// A map of objects in which images are located.
+#[derive(Debug, Clone)]
+pub struct LandmarkMap {
+    landmarks: Vec<Landmark>,
+    shapes: Vec<Matrix3<f64>>,
+    /// Diameter of the map, world units.
+    extent: f64,
+}
+
+impl Landmark {
+    /// An object that was localized; `None` where it was not (its status is not [`Status::Ok`]). Of a body that is no ellipsoid, the
+    /// ellipsoid of the same reach.
+    pub fn from_estimate(estimate: &Estimate, category: Option<String>) -> Option<Self> {
+        let covariance =
+            estimate.covariance.as_ref().map(|of_body| of_body.matrix.fixed_view::<3, 3>(0, 0).into_owned());
+        (estimate.status == Status::Ok).then_some(())?;
+        Some(Self { ellipsoid: estimate.ellipsoid()?, center_covariance: covariance, category })
+    }
+
+    /// Whether a box of this category may show it.
+    fn may_be(&self, category: Option<&str>) -> bool {
+        self.category.as_deref().zip(category).is_none_or(|(own, of_box)| own == of_box)
+    }
+}
+
+impl LocateOptions {
+    /// The noise of boxes as it was estimated with a map, where it was: all errors of edges, those that the views of an object have in
+    /// common included.
+    pub fn with_noise_of(localization: &Localization) -> Self {
+        let level = |name: &str| localization.noise.get(name);
+        let edge_noise = level("edge_noise").map(|sd| sd * 1f64.hypot(level("edge_common").unwrap_or(0.0)));
+        Self { edge_noise: edge_noise.unwrap_or(EDGE_SD), ..Self::default() }
+    }
+}
+
+impl LandmarkMap {
+    /// A map of these objects; those whose numbers are not finite are never found.
+    pub fn new(landmarks: Vec<Landmark>) -> Self {
+        let shapes: Vec<_> = landmarks.iter().map(|landmark| landmark.ellipsoid.shape()).collect();
+        let finite = || landmarks.iter().map(|l| l.ellipsoid.center.coords).filter(|c| c.iter().all(|x| x.is_finite()));
+        let low = finite().reduce(|a, b| a.inf(&b)).unwrap_or_default();
+        let high = finite().reduce(|a, b| a.sup(&b)).unwrap_or_default();
+        Self { extent: (high - low).norm(), shapes, landmarks }
+    }
+
+    /// Its objects.
+    pub fn landmarks(&self) -> &[Landmark] {
+        &self.landmarks
+    }
+
+    /// The pose of the camera of an image. The same input gives the same answer.
+    pub fn relocalize(&self, query: &Query, options: &LocateOptions) -> Relocalization {
+        let nowhere = |status| Relocalization { status, poses: Vec::new() };
+        let prepared = PreparedQuery::new(self, query, options);
+        let needed = if options.gravity.is_some() { 2 } else { 3 };
+        if prepared.boxes_with_candidates() < needed {
+            return nowhere(LocateStatus::TooFewObjects);
+        }
+        let mut poses: Vec<LocatedPose> = Vec::new();
+        let groups = Groups::new(&prepared);
+        let explains_most = |pose: &LocatedPose| {
+            pose.matches.len() >= ENOUGH_MATCHES && 2 * pose.matches.len() > prepared.boxes_with_candidates()
+        };
+        let (mut round, mut last) = (0, groups.rounds());
+        while round < last {
+            for start in hypotheses::starts(&prepared, &groups, round) {
+                let found = score::located(&prepared, start).filter(|pose| pose.matches.len() >= needed);
+                let Some(pose) = found else { continue };
+                let at = Pose::from(&pose.cam_from_world);
+                let is_same = |other: &LocatedPose| prepared.same_pose(&Pose::from(&other.cam_from_world), &at);
+                match poses.iter_mut().find(|other| is_same(other)) {
+                    Some(other) if other.evidence < pose.evidence => *other = pose,
+                    Some(_) => {}
+                    None => poses.push(pose),
+                }
+            }
+            round += 1;
+            if poses.iter().any(explains_most) {
+                // Others that explain as much are found in as many rounds again.
+                last = last.min(2 * round);
+            }
+        }
+        let searched = groups.all && round == groups.rounds();
+        poses.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        poses.truncate(MOST_POSES);
+        match &poses[..] {
+            [] => nowhere(LocateStatus::NoPose),
+            [best, ..] if best.evidence < CLEAR => Relocalization { status: LocateStatus::NoPose, poses },
+            [best, second, ..] if best.evidence - second.evidence < CLEAR => {
+                Relocalization { status: LocateStatus::Ambiguous, poses }
+            }
+            // A better one may be among those that were not examined.
+            [best, ..] if !searched && !explains_most(best) => {
+                Relocalization { status: LocateStatus::Ambiguous, poses }
+            }
+            _ => Relocalization { status: LocateStatus::Ok, poses },
+        }
+    }
+}
