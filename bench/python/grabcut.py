@@ -25,7 +25,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
-LEAST_VISIBLE = 0.7
+MIN_VISIBLE = 0.7
 # GrabCut: the box, enlarged by a quarter for the certain background, at most so many pixels wide or high.
 MARGIN, LARGEST_SIDE, ROUNDS = 0.25, 240, 5
 
@@ -161,7 +161,7 @@ def main():
         for name, (found, spent) in results.items():
             seconds[name] = seconds.get(name, 0.0) + spent
             for (mask, ellipse), true_mask, d in zip(found, truth, detections):
-                if d["visible_fraction"] >= LEAST_VISIBLE:
+                if d["visible_fraction"] >= MIN_VISIBLE:
                     score = iou(mask, true_mask), ellipse_iou(ellipse, ellipse_of(true_mask, d["box"]))
                     scores.setdefault(name, []).append(score)
     print(f"OpenCV {cv2.__version__}, {len(scenes)} scenes, {count} detections\n")

@@ -13,7 +13,7 @@ use crate::error::Error;
 pub const DEFAULT_FOLDER: &str = "../shared/data";
 
 /// An object counts when it is detected in so many views that the protocol keeps.
-pub(crate) const FEWEST_VIEWS: usize = 2;
+pub(crate) const MIN_VIEWS: usize = 2;
 
 /// The folder of the data: the given one, that of the environment variable QUADLIFT_DATA, or `../shared/data`.
 ///
@@ -73,7 +73,7 @@ impl TrueScene {
     pub(crate) fn scores_of(&self, localization: &Localization) -> Vec<ObjectScore> {
         let seen = |id: &str| {
             let estimate = localization.estimates.iter().find(|e| self.scene.object_ids[e.object_index] == id);
-            estimate.is_some_and(|estimate| estimate.views.len() >= FEWEST_VIEWS)
+            estimate.is_some_and(|estimate| estimate.views.len() >= MIN_VIEWS)
         };
         let truth: Vec<TruthObject> = self.truth.iter().filter(|object| seen(&object.id)).cloned().collect();
         evaluate(&estimated_objects(&self.scene, localization), &truth, &[]).objects

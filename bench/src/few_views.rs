@@ -31,12 +31,12 @@ const SCENES: u64 = 6;
 const FIRST_SEED: u64 = 11;
 
 /// The smallest level that is given.
-const SMALLEST_LEVEL: f64 = 0.001;
+const MIN_LEVEL: f64 = 0.001;
 
 /// The columns: `posterior`, `posterior` with the given noise, `planes`.
 fn rows(noise: f64) -> Vec<MethodRow> {
     // With 0 pixels the noise is proportional to the size, as these boxes have it.
-    let level = noise.max(SMALLEST_LEVEL);
+    let level = noise.max(MIN_LEVEL);
     let given = NoiseModel::new([("edge_noise", level), ("edge_noise_px", 0.0)]).ok();
     vec![
         MethodRow::posterior("auto", PosteriorOptions::default()),
@@ -79,7 +79,7 @@ pub(crate) fn run(run: &Run) -> Result<Report, Error> {
     report.text(format!(
         "{OBJECTS} ellipsoids in each of {SCENES} scenes, cameras as in section 5.1, boxes whose edges have Gaussian \
          noise. \"Level given\": `posterior` is given the noise (`--noise-model edge_noise=S,edge_noise_px=0`, with S at least \
-         {SMALLEST_LEVEL}). `planes` needs three views. Figures are mean O3D."
+         {MIN_LEVEL}). `planes` needs three views. Figures are mean O3D."
     ));
     let titles = ["views", "noise", "posterior", "posterior, level given", "planes"];
     let mut table = Table::new("Few views: O3D by views and noise", titles);

@@ -11,10 +11,10 @@ use crate::error::Error;
 use crate::scores::mean;
 
 /// Minimum volume IoU of a found object with a true one.
-const LEAST_IOU: f64 = 0.25;
+const MIN_IOU: f64 = 0.25;
 
 /// Minimum number of detections of a true object.
-pub(crate) const FEWEST_VIEWS: usize = 3;
+pub(crate) const MIN_VIEWS: usize = 3;
 
 /// A scene as input of association, with its ground truth. It contains only the selected detections.
 #[derive(Debug, Clone)]
@@ -100,7 +100,7 @@ impl Case {
         let bodies: Vec<Option<Ellipsoid>> = association.objects.iter().map(|object| object.ellipsoid).collect();
         Ok(CaseScore {
             division: pairwise_clustering_scores(&self.true_objects, &association.object_of_detection),
-            found: score_found(&bodies, &self.detected_bodies(), LEAST_IOU),
+            found: score_found(&bodies, &self.detected_bodies(), MIN_IOU),
             centers_found: self.centers_found(&bodies),
             o3d: o3d(&association.applied_to(&self.scene, None), &self.detected_bodies())?,
             o3d_with_true_ids: o3d(&self.with_true_ids()?, &self.detected_bodies())?,
@@ -123,7 +123,7 @@ impl Case {
     pub(crate) fn detected_bodies(&self) -> Vec<Ellipsoid> {
         let mut views = vec![0; self.bodies.len()];
         self.true_objects.iter().flatten().for_each(|&object| views[object as usize] += 1);
-        let often = self.bodies.iter().zip(&views).filter(|(_, views)| **views >= FEWEST_VIEWS);
+        let often = self.bodies.iter().zip(&views).filter(|(_, views)| **views >= MIN_VIEWS);
         often.map(|(body, _)| *body).collect()
     }
 

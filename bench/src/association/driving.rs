@@ -29,10 +29,10 @@ const SEQUENCES: [(&str, &str, f64, [f64; 3]); 4] = [
 ];
 
 /// Boxes with a lower score are skipped.
-const LEAST_SCORE: f64 = 0.5;
+const MIN_SCORE: f64 = 0.5;
 
 /// A box shows a labeled car when their intersection over union is greater.
-const LEAST_OVERLAP: f64 = 0.5;
+const MIN_OVERLAP: f64 = 0.5;
 
 /// For each detection the id of the label that it shows.
 type Shown = Vec<Option<Box<str>>>;
@@ -95,7 +95,7 @@ fn read_boxes(path: &Path) -> Result<Vec<DetectionRecord>, ReadError> {
         let wrong = || ReadError::new(path, "expected frame,x0,y0,x1,y1,score").at(index + 1, 0);
         let fields: Vec<f64> = line.split(',').map(str::parse).collect::<Result<_, _>>().map_err(|_| wrong())?;
         let [frame, x0, y0, x1, y1, score] = fields[..] else { return Err(wrong()) };
-        if score >= LEAST_SCORE {
+        if score >= MIN_SCORE {
             detections.push(DetectionRecord {
                 frame: format!("{frame:06}").into(),
                 score: Some(score),
@@ -122,7 +122,7 @@ fn labels_of(detections: &[DetectionRecord], labels: &[DetectionRecord]) -> Vec<
             }
         }
     }
-    pairs.retain(|pair| pair.0 > LEAST_OVERLAP);
+    pairs.retain(|pair| pair.0 > MIN_OVERLAP);
     pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
     let (mut shown, mut taken) = (vec![None; detections.len()], vec![false; labels.len()]);
     for (_, detection, label) in pairs {
@@ -209,7 +209,7 @@ pub(crate) fn add(data: &Path, report: &mut Report, steps: &Steps) -> Result<(),
         (of_false, of_true) = (of_false.and(score.false_objects), of_true.and(score.standing));
     }
     table.note(format!(
-        "Boxes with a score of {LEAST_SCORE} or more; default settings. Poses from GPS and IMU. A true object is a \
+        "Boxes with a score of {MIN_SCORE} or more; default settings. Poses from GPS and IMU. A true object is a \
          static car that is detected at least three times; its center is found if an object lies within its longest \
          semi-axis. A found object is false if most of its boxes show something else, usually a moving car. Aims for \
          all sequences together: at least half of the false ones uncertain, and at most 5 % of the true ones."

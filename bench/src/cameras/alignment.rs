@@ -33,9 +33,9 @@ pub(crate) const COMMON: usize = 12;
 const FIRST_SEED: u64 = 829;
 
 /// Bounds of what is right: scale, rotation in degrees, middle of the room in meters.
-const MOST_SCALE: f64 = 0.02;
-const MOST_DEGREES: f64 = 2.0;
-const MOST_METERS: f64 = 0.1;
+const MAX_SCALE: f64 = 0.02;
+const MAX_DEGREES: f64 = 2.0;
+const MAX_METERS: f64 = 0.1;
 
 /// Standard deviation of the verticals, degrees.
 const UP_SD: f64 = 2.0;
@@ -108,8 +108,8 @@ const TITLES: [&str; 4] = ["draws", "right [%]", "wrong [%]", "refused [%]"];
 
 fn is_within(found: &Similarity, maps: &TwoMaps, bound: f64) -> bool {
     let in_b = maps.a_from_b.inverse().point(&maps.middle);
-    (found.scale / maps.a_from_b.scale).ln().abs() < MOST_SCALE
-        && found.angle_to(&maps.a_from_b).to_degrees() < MOST_DEGREES
+    (found.scale / maps.a_from_b.scale).ln().abs() < MAX_SCALE
+        && found.angle_to(&maps.a_from_b).to_degrees() < MAX_DEGREES
         && (found.point(&in_b) - maps.middle).norm() < bound
 }
 
@@ -189,12 +189,12 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
     report.text(format!(
         "Two maps of a room, made by `quadlift localize` from the {} images of one half of its walls and from those of the other half: no image is \
          common. Of the 30 objects {COMMON} (40 %) are in both maps, half of the others in each. The second map is moved by a rotation, a \
-         translation and a scale from 1/8 to 8. Right: within {:.0} % of the scale, {MOST_DEGREES} degrees, and {MOST_METERS} m in the middle of the \
+         translation and a scale from 1/8 to 8. Right: within {:.0} % of the scale, {MAX_DEGREES} degrees, and {MAX_METERS} m in the middle of the \
          room; wrong: beyond, with the status `ok`; refused: any other status. \"Rigid\": the scale is known; \"up\": the vertical is, to {UP_SD} \
          degrees. \"Centers\" is Umeyama's method on three centers of equal categories in RANSAC, written for this table: it claims what four \
          centers agree with. {draws} draws for each row. Of maps with nothing in common ({other_draws} draws) no answer is right.",
         FRAMES / 2,
-        100.0 * MOST_SCALE,
+        100.0 * MAX_SCALE,
     ));
     let titles = ["maps", "categories", "method"].into_iter().chain(TITLES);
     let mut table = Table::new("Maps of synthetic rooms from opposite sides", titles);
@@ -203,7 +203,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
         for categories in CATEGORIES {
             let draw = |number: u64| {
                 let seed = run.seed.wrapping_add(FIRST_SEED + number);
-                Ok(tallies(&rooms(categories, common, seed)?, MOST_METERS, seed))
+                Ok(tallies(&rooms(categories, common, seed)?, MAX_METERS, seed))
             };
             let draws = (0..count).into_par_iter().map(draw).collect::<Result<Vec<_>, Error>>()?;
             for (k, (method, tally)) in methods().zip(summed(&draws)).enumerate() {
@@ -271,8 +271,8 @@ pub(super) fn run_real(data: &Path, run: &Run, report: &mut Report) -> Result<()
     let divisions = run.scenes(DIVISIONS);
     report.text(format!(
         "The same with real scenes: two maps from the frames on the two sides of a plane through the middle of the cameras, in {divisions} \
-         directions. Right: within {:.0} % of the scale, {MOST_DEGREES} degrees, and 5 cm in the middle of the objects.",
-        100.0 * MOST_SCALE
+         directions. Right: within {:.0} % of the scale, {MAX_DEGREES} degrees, and 5 cm in the middle of the objects.",
+        100.0 * MAX_SCALE
     ));
     let mut table =
         Table::new("Maps of real scenes from two sides", ["scene", "objects", "method"].into_iter().chain(TITLES));

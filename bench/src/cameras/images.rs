@@ -195,7 +195,7 @@ fn normalized_square(pose: &CamFromWorld, covariance: &Matrix6<f64>, truth: &Cam
 }
 
 /// Largest error of the rotation, degrees.
-const MOST_DEGREES: f64 = 5.0;
+const MAX_DEGREES: f64 = 5.0;
 
 /// Whether a pose is so near to the truth: position in world units, rotation in degrees.
 pub(crate) fn is_within(pose: &CamFromWorld, truth: &CamFromWorld, bound: f64) -> bool {
@@ -204,7 +204,7 @@ pub(crate) fn is_within(pose: &CamFromWorld, truth: &CamFromWorld, bound: f64) -
     let ((r0, t0), (r1, t1)) = (parts(pose), parts(truth));
     let apart = (r0.tr_mul(&t0) - r1.tr_mul(&t1)).norm();
     let angle = 2.0 * ((r0 - r1).norm() / 8f64.sqrt()).min(1.0).asin();
-    apart < bound && angle.to_degrees() < MOST_DEGREES
+    apart < bound && angle.to_degrees() < MAX_DEGREES
 }
 
 /// What is known of the cameras.

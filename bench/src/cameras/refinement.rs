@@ -11,7 +11,7 @@ use quadlift::synthetic::{Noise, Observations, SyntheticOptions, SyntheticScene,
 use quadlift::{Localization, LocalizeOptions, localize};
 use rayon::prelude::*;
 
-use crate::data::{FEWEST_VIEWS, TrueScene};
+use crate::data::{MIN_VIEWS, TrueScene};
 use crate::error::Error;
 use crate::kitti::{AVERAGED, cars, protocol};
 use crate::progress::{Run, Steps};
@@ -214,7 +214,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
 fn seen_from_cameras(found: &Localization, given: &TrueScene, registered: &TrueScene) -> Vec<(f64, f64)> {
     let pose = |frame: &quadlift::scene::Frame| frame.projection.camera_pose();
     let mut scores = Vec::new();
-    for estimate in found.estimates.iter().filter(|estimate| estimate.views.len() >= FEWEST_VIEWS) {
+    for estimate in found.estimates.iter().filter(|estimate| estimate.views.len() >= MIN_VIEWS) {
         let id = &given.scene.object_ids[estimate.object_index];
         let Some(truth) = registered.truth.iter().find(|object| object.id == *id).and_then(|object| object.cuboid)
         else {

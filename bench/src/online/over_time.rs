@@ -6,11 +6,11 @@ use quadlift::online::ObjectMap;
 use quadlift::scene::Scene;
 
 use super::replay::Labels;
-use crate::association::case::{Case, FEWEST_VIEWS, localize_ellipsoids};
+use crate::association::case::{Case, MIN_VIEWS, localize_ellipsoids};
 use crate::error::Error;
 
 /// Minimum volume IoU of an object whose NEES counts: others are of something else.
-const LEAST_IOU: f64 = 0.1;
+const MIN_IOU: f64 = 0.1;
 
 /// Scores over the frames so far.
 #[derive(Debug, Clone, Default)]
@@ -37,7 +37,7 @@ pub(super) fn scores(case: &Case, map: &ObjectMap, labels: &Labels, frames: usiz
     let mut views = vec![0; case.bodies.len()];
     truth.iter().flatten().for_each(|&object| views[object as usize] += 1);
     let bodies: Vec<Option<Ellipsoid>> =
-        case.bodies.iter().zip(&views).map(|(body, &views)| (views >= FEWEST_VIEWS).then_some(*body)).collect();
+        case.bodies.iter().zip(&views).map(|(body, &views)| (views >= MIN_VIEWS).then_some(*body)).collect();
     let (o3d, nees) = judge(&map.to_averaged_scene(), &bodies)?;
     Ok(Scores { f1, o3d, nees })
 }
@@ -51,7 +51,7 @@ pub(super) fn judge(scene: &Scene, bodies: &[Option<Ellipsoid>]) -> Result<(f64,
     let found: Vec<Option<Ellipsoid>> = localization.estimates.iter().map(|e| e.ellipsoid()).collect();
     let pairs = pair_by_overlap(&found, bodies, 0.0);
     let total = pairs.iter().map(|pair| pair.iou3d).fold(0.0, |sum, iou| sum + iou);
-    let nees = pairs.iter().filter(|pair| pair.iou3d >= LEAST_IOU).filter_map(|pair| {
+    let nees = pairs.iter().filter(|pair| pair.iou3d >= MIN_IOU).filter_map(|pair| {
         let estimate = &localization.estimates[pair.found];
         let truth = Body::from(bodies[pair.truth]?);
         Some(squared_errors(estimate.body.as_ref()?, estimate.covariance.as_ref()?, &truth)?.whole)

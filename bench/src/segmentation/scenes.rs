@@ -19,10 +19,10 @@ use crate::data::TrueScene;
 use crate::error::Error;
 
 /// Masks are scored if at least this fraction of the object is visible; otherwise the ellipse covers only a part.
-const LEAST_VISIBLE: f64 = 0.7;
+const MIN_VISIBLE: f64 = 0.7;
 /// Masks of fewer pixels are not scored either, nor objects with fewer such views.
-const FEWEST_PIXELS: usize = 50;
-const FEWEST_VIEWS: usize = 3;
+const MIN_PIXELS: usize = 50;
+const MIN_VIEWS: usize = 3;
 
 /// Noise of the rendered boxes' edges in mean half sizes: 5 % of the side, as in the prototype.
 const BOX_NOISE: f64 = 0.1;
@@ -109,7 +109,7 @@ impl ImageScene {
     fn new(scene: TrueScene, seen: Vec<(usize, Crop, Mask, f64)>) -> Self {
         let mut objects: Vec<Vec<Seen>> = vec![Vec::new(); scene.scene.object_ids.len()];
         for (detection, crop, truth, visible) in seen {
-            let counts = visible >= LEAST_VISIBLE && truth.count() >= FEWEST_PIXELS;
+            let counts = visible >= MIN_VISIBLE && truth.count() >= MIN_PIXELS;
             if let Some(object) = scene.scene.detections[detection].object_index {
                 objects[object as usize].push(Seen { detection, crop, truth, counts });
             }
@@ -123,7 +123,7 @@ impl ImageScene {
     /// Number of scored views of each object that has enough of them.
     pub(super) fn scored_counts(&self) -> impl Iterator<Item = usize> {
         let counts = self.objects.iter().map(|views| views.iter().filter(|seen| seen.counts).count());
-        counts.filter(|&count| count >= FEWEST_VIEWS)
+        counts.filter(|&count| count >= MIN_VIEWS)
     }
 
     /// The same with the views only whose masks are scored.
@@ -151,7 +151,7 @@ impl ImageScene {
             scored.filter_map(|(seen, view)| ViewErrors::of(view, &seen.truth)).collect()
         };
         let errors = self.objects.iter().zip(found).map(of_object);
-        errors.filter(|views: &Vec<ViewErrors>| views.len() >= FEWEST_VIEWS).collect()
+        errors.filter(|views: &Vec<ViewErrors>| views.len() >= MIN_VIEWS).collect()
     }
 
     /// The scene with what was found beside the boxes, as `quadlift localize` takes it from what `quadlift segment`

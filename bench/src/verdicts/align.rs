@@ -23,9 +23,9 @@ const FIRST_SEED: u64 = 400_000;
 const UP_SD: f64 = 0.035;
 
 /// Errors of a right transform: rotation, degrees; scale; position in the middle of the room, meters (a tenth of its depth).
-const MOST_DEGREES: f64 = 5.0;
-const MOST_SCALE: f64 = 0.1;
-const MOST_METERS: f64 = 0.6;
+const MAX_DEGREES: f64 = 5.0;
+const MAX_SCALE: f64 = 0.1;
+const MAX_METERS: f64 = 0.6;
 
 /// What is a wrong answer, in words.
 pub(super) const WRONG: &str = "the status is `ok`, and the transform is off by more than 5 degrees, 10 % of the scale, or 0.6 m (10 % of the \
@@ -117,9 +117,9 @@ fn verdict(maps: &TwoMaps, mistake: Mistake, [knows_scale, knows_up]: [bool; 2])
     let has_truth = !matches!(mistake, Mistake::OtherRoom | Mistake::Mirrored);
     let is_right = found.transforms.first().filter(|_| has_truth).is_some_and(|best| {
         let (found, truth) = (&best.a_from_b, &maps.a_from_b);
-        (found.scale / truth.scale).ln().abs() < MOST_SCALE
-            && found.angle_to(truth).to_degrees() < MOST_DEGREES
-            && (found.point(&truth.inverse().point(&maps.middle)) - maps.middle).norm() < MOST_METERS
+        (found.scale / truth.scale).ln().abs() < MAX_SCALE
+            && found.angle_to(truth).to_degrees() < MAX_DEGREES
+            && (found.point(&truth.inverse().point(&maps.middle)) - maps.middle).norm() < MAX_METERS
     });
     Verdict { noticed: !is_ok || contradiction.is_some(), named, wrong: is_ok && !is_right, hidden: false }
 }

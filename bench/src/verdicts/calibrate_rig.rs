@@ -15,8 +15,8 @@ use crate::scores::median;
 const FIRST_SEED: u64 = 20_000;
 
 /// Errors of a right camera relative to a reference: rotation, degrees, and position, as a share of the distance between the two.
-const MOST_DEGREES: f64 = 5.0;
-const MOST_SHARE: f64 = 0.1;
+const MAX_DEGREES: f64 = 5.0;
+const MAX_SHARE: f64 = 0.1;
 
 /// What is a wrong answer, in words.
 pub(super) const WRONG: &str = "a camera of another hall has a pose beside those of this one, or the pose of a camera relative to the \
@@ -133,7 +133,7 @@ fn is_wrong(mistake: Mistake, found: &Calibration, truth: &[CamFromWorld]) -> bo
     both.iter().any(|((turn, center), (true_turn, true_center))| {
         let turn = Rotation3::from_matrix_eps(&(turn * true_turn.transpose()), 1e-12, 100, Rotation3::identity());
         let off = (center * scale - true_center).norm();
-        turn.angle().to_degrees() > MOST_DEGREES || off > MOST_SHARE * true_center.norm()
+        turn.angle().to_degrees() > MAX_DEGREES || off > MAX_SHARE * true_center.norm()
     })
 }
 

@@ -21,10 +21,10 @@ const FIRST_SCENE: u64 = 200_000;
 const FEWEST: [usize; 2] = [8, 5];
 
 /// Most boxes of a scene: larger ones take long.
-const MOST_BOXES: usize = 600;
+const MAX_BOXES: usize = 600;
 
 /// Fewest boxes of a true object that counts.
-const FEWEST_BOXES: usize = 3;
+const MIN_BOXES: usize = 3;
 
 /// Most views of a street in which the camera hardly turns.
 const SHORT_DRIVE: usize = 20;
@@ -60,12 +60,12 @@ pub(super) fn names(diagnosis: &Diagnosis) -> Vec<CauseName> {
     diagnosis.causes.iter().map(|cause| cause.name).collect()
 }
 
-/// The true bodies with [`FEWEST_BOXES`].
+/// The true bodies with [`MIN_BOXES`].
 fn truth(drawn: &RandomScene) -> Vec<Option<Ellipsoid>> {
     let synthetic = &drawn.synthetic;
     let mut boxes = vec![0; synthetic.truth.len()];
     synthetic.true_objects.iter().flatten().for_each(|&object| boxes[object] += 1);
-    let seen = synthetic.truth.iter().zip(boxes).filter(|(_, boxes)| *boxes >= FEWEST_BOXES);
+    let seen = synthetic.truth.iter().zip(boxes).filter(|(_, boxes)| *boxes >= MIN_BOXES);
     seen.map(|((_, body), _)| Some(body.ellipsoid())).collect()
 }
 
@@ -135,7 +135,7 @@ fn draws(first: u64, views: usize) -> impl Iterator<Item = Drawn> {
         let scene = RandomScene::draw(seed)?;
         let truth = truth(&scene);
         let is_large = scene.options.views >= views && truth.len() >= FEWEST[1];
-        (is_large && scene.synthetic.scene.detections.len() <= MOST_BOXES).then_some(Drawn { seed, scene, truth })
+        (is_large && scene.synthetic.scene.detections.len() <= MAX_BOXES).then_some(Drawn { seed, scene, truth })
     })
 }
 

@@ -11,7 +11,7 @@ use crate::diagnosis::scenes::without_ids;
 use crate::online::replay::replay;
 
 /// Fewest frames: the check begins with 30.
-const FEWEST_FRAMES: usize = 40;
+const MIN_FRAMES: usize = 40;
 
 /// What a map says after the last frame.
 fn answer(scene: &Scene) -> Option<Answer> {
@@ -26,5 +26,5 @@ fn answer(scene: &Scene) -> Option<Answer> {
 /// The verdicts.
 pub(super) fn streamed(numbers: [u64; 3]) -> Verdicts {
     let is_made = |mistake: &NamedMistake| !matches!(mistake, NamedMistake::MixedIds);
-    verdicts(numbers, FEWEST_FRAMES, is_made, |scene, _| answer(scene))
+    verdicts(numbers, MIN_FRAMES, is_made, |scene, _| answer(scene))
 }

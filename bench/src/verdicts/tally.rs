@@ -3,7 +3,7 @@
 use crate::table::{Cell, Table};
 
 /// Cases that a table names, so that they can be repeated.
-const MOST_CASES: usize = 12;
+const MAX_CASES: usize = 12;
 
 /// What a command said about a scene.
 #[derive(Debug, Clone, Copy, Default)]
@@ -115,8 +115,8 @@ impl Verdicts {
         let refused: Vec<String> = refused.map(|(seed, _)| seed.to_string()).collect();
         for (title, all) in [("Wrong and ok", cases), ("Right scenes that were refused: seeds", refused)] {
             if !all.is_empty() {
-                let dots = if all.len() > MOST_CASES { "; ..." } else { "" };
-                table.note(format!("{title}: {}{dots}.", all[..all.len().min(MOST_CASES)].join("; ")));
+                let dots = if all.len() > MAX_CASES { "; ..." } else { "" };
+                table.note(format!("{title}: {}{dots}.", all[..all.len().min(MAX_CASES)].join("; ")));
             }
         }
         table

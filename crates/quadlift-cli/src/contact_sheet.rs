@@ -21,7 +21,7 @@ const NAME: u32 = 20;
 const LEGEND: u32 = 84;
 /// Height of letters in pixels, and most letters of a name: longer ones keep their end.
 const LETTERS: f64 = 14.0;
-const MOST_LETTERS: usize = 24;
+const MAX_LETTERS: usize = 24;
 /// Pixels of the frame around each crop.
 const FRAME: u32 = 4;
 /// Pixels of the place of a crop, with its frame and a gap.
@@ -29,9 +29,9 @@ const PLACE: u32 = CROP + 2 * FRAME + 4;
 /// Crops side by side.
 const COLUMNS: usize = 6;
 /// Columns that the legend needs.
-const LEAST_COLUMNS: usize = 3;
+const MIN_COLUMNS: usize = 3;
 /// Most crops on a sheet; of more views an evenly spread choice is shown.
-const MOST_CROPS: usize = 200;
+const MAX_CROPS: usize = 200;
 
 const PAPER: Rgb<u8> = Rgb([24, 24, 24]);
 const INK: Rgb<u8> = Rgb([225, 225, 225]);
@@ -63,8 +63,8 @@ pub(crate) fn write_sheets(segmentation: &Segmentation, scene: &Scene, folder: &
 
 /// Draws the sheet of an object: row by row, in the order of the views, with the names of their frames.
 fn contact_sheet(views: &[(&str, Option<&Crop>, Option<&Found>)]) -> anyhow::Result<RgbImage> {
-    let shown = views.len().min(MOST_CROPS);
-    let columns = shown.clamp(LEAST_COLUMNS, COLUMNS);
+    let shown = views.len().min(MAX_CROPS);
+    let columns = shown.clamp(MIN_COLUMNS, COLUMNS);
     let rows = shown.div_ceil(columns).max(1);
     let tall = PLACE + NAME;
     let mut sheet = RgbImage::from_pixel(columns as u32 * PLACE, LEGEND + rows as u32 * tall, PAPER);
@@ -114,7 +114,7 @@ fn label(place: [f64; 2], text: &str, Rgb(color): Rgb<u8>) -> Label {
 /// A name that fits below a crop: the end tells frames apart.
 fn shortened(name: &str) -> String {
     let letters: Vec<char> = name.chars().filter(|c| !c.is_control()).collect();
-    match letters.len().checked_sub(MOST_LETTERS) {
+    match letters.len().checked_sub(MAX_LETTERS) {
         None | Some(0) => letters.into_iter().collect(),
         Some(more) => "…".chars().chain(letters.into_iter().skip(more + 1)).collect(),
     }
@@ -217,7 +217,7 @@ mod tests {
         assert!(yellow.count() > 30, "the outline of the mask is explained in its color");
         let short = shortened("a/very/long/path/to/the/frame_000012");
         assert!(
-            short.chars().count() == MOST_LETTERS && short.starts_with('…') && short.ends_with("frame_000012"),
+            short.chars().count() == MAX_LETTERS && short.starts_with('…') && short.ends_with("frame_000012"),
             "{short}"
         );
     }

@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use crate::labels::Labels;
 use crate::output::{BAD, DIM, GOOD, WARNING, one_line};
-use crate::table::{Cell, MOST_ROWS, Table, decimals, number, rest};
+use crate::table::{Cell, MAX_ROWS, Table, decimals, number, rest};
 use crate::words::{count, some_of, with_unit};
 
 /// The main figures of an estimate.
@@ -68,7 +68,7 @@ fn full_lengths(body: &Body) -> [f64; 3] {
 pub(crate) fn render(scene: &Scene, localization: &Localization, options: &FileOptions) -> String {
     let rows = summaries(scene, localization);
     let labels = Labels::of_estimates(scene, localization);
-    let shown = &rows[..rows.len().min(MOST_ROWS)];
+    let shown = &rows[..rows.len().min(MAX_ROWS)];
     let mut text = table(scene, shown, &labels, localization.cross_validation.extent == Extent::All);
     text.push_str(&rest(rows.len(), "object", "the result (-o) and --json list all"));
     for note in notes(&rows, &labels, localization, options) {
@@ -306,14 +306,14 @@ mod tests {
 
     #[test]
     fn a_table_has_forty_rows_at_most() {
-        let count = MOST_ROWS + 7;
+        let count = MAX_ROWS + 7;
         let object_ids = (0..count).map(|k| format!("thing{k}")).collect();
         let scene = Scene::from_parts(SceneParts { object_ids, ..Default::default() }).unwrap();
         let estimates = (0..count).map(|k| Estimate::failed(k, None, Status::Inconsistent)).collect();
         let localization = Localization { estimates, ..Default::default() };
         let text = render(&scene, &localization, &FileOptions::default());
         let is_row = |line: &&str| line.starts_with("thing");
-        assert_eq!(text.lines().filter(is_row).count(), MOST_ROWS);
+        assert_eq!(text.lines().filter(is_row).count(), MAX_ROWS);
         assert!(text.contains("and 7 more objects: the result (-o) and --json list all"), "{text}");
     }
 }

@@ -5,11 +5,11 @@ use std::fmt::Write;
 use quadlift::metrics::{Evaluation, ObjectDetectionScore, PairedBy};
 use quadlift::solve::Status;
 use quadlift_io::evaluation::identities::{Division, DivisionOutcome};
-use quadlift_io::evaluation::{COLUMNS, Column, LEAST_IOU, Matching, Unit, failures_in_words};
+use quadlift_io::evaluation::{COLUMNS, Column, MIN_IOU, Matching, Unit, failures_in_words};
 
 use crate::labels::Labels;
 use crate::output::{BAD, GOOD, HEADING, WARNING, one_line};
-use crate::table::{Cell, MOST_ROWS, Table, decimals, number, rest};
+use crate::table::{Cell, MAX_ROWS, Table, decimals, number, rest};
 use crate::words::{count, some_of, with_unit};
 
 /// How estimates and true objects are paired, as on the command line.
@@ -52,7 +52,7 @@ pub(crate) fn render(evaluation: &Evaluation, [estimates, truth]: [&Labels; 2], 
         Unit::Degrees => number(value.map(f64::to_degrees), 1),
         Unit::Length => number(value, decimals(error, 3)),
     };
-    for object in evaluation.objects.iter().take(MOST_ROWS) {
+    for object in evaluation.objects.iter().take(MAX_ROWS) {
         let status = match object.status.as_deref() {
             None => Cell::styled("missing", BAD),
             Some(status) if object.has_body && status != Status::Inconsistent.name() => Cell::styled(status, GOOD),
@@ -85,7 +85,7 @@ pub(crate) fn render(evaluation: &Evaluation, [estimates, truth]: [&Labels; 2], 
 /// The number of found objects, as text.
 pub(crate) fn render_found(found: &ObjectDetectionScore) -> String {
     format!(
-        "{HEADING}found{HEADING:#}: {} of {} (IoU of at least {LEAST_IOU}, ignoring ids); {} of {} are correct\n",
+        "{HEADING}found{HEADING:#}: {} of {} (IoU of at least {MIN_IOU}, ignoring ids); {} of {} are correct\n",
         found.matched,
         count(found.true_objects, "true object"),
         found.matched,

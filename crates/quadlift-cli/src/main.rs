@@ -59,7 +59,7 @@ To start:
   quadlift demo";
 
 /// Largest `--max-pixels`: a mask of so many pixels takes 4 GiB.
-const MOST_MAX_PIXELS: u64 = 1 << 32;
+const MAX_MAX_PIXELS: u64 = 1 << 32;
 
 /// Lifts 2D object detections from posed images to 3D objects: ellipsoids and cuboids.
 #[derive(Parser)]
@@ -78,7 +78,7 @@ struct Cli {
 
     /// Reject images and masks with more pixels before they are decoded, at most 4294967296
     #[arg(long, global = true, value_name = "N", default_value_t = DEFAULT_MAX_PIXELS, hide_short_help = true,
-          value_parser = clap::value_parser!(u64).range(1..=MOST_MAX_PIXELS))]
+          value_parser = clap::value_parser!(u64).range(1..=MAX_MAX_PIXELS))]
     max_pixels: u64,
 
     /// Print errors only

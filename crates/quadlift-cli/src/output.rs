@@ -22,7 +22,7 @@ pub(crate) const HEADING: Style = Style::new().bold();
 pub(crate) const DIM: Style = Style::new().dimmed();
 
 /// Maximum number of errors of one kind that are printed; the JSON document has all of them.
-const MOST_ERRORS: usize = 20;
+const MAX_ERRORS: usize = 20;
 
 /// Settings of the output.
 #[derive(Debug, Clone, Copy)]
@@ -98,9 +98,9 @@ impl Output {
 
     /// Prints errors; of many, the first ones and how many more there are.
     pub(crate) fn errors(&self, texts: &[String]) {
-        texts.iter().take(MOST_ERRORS).for_each(|text| self.error(text));
-        if texts.len() > MOST_ERRORS {
-            self.error(&format!("{} more problems of this kind (--json lists all)", texts.len() - MOST_ERRORS));
+        texts.iter().take(MAX_ERRORS).for_each(|text| self.error(text));
+        if texts.len() > MAX_ERRORS {
+            self.error(&format!("{} more problems of this kind (--json lists all)", texts.len() - MAX_ERRORS));
         }
     }
 }

@@ -8,10 +8,10 @@ use quadlift::solve::triangulate;
 use quadlift_io::SceneFile;
 
 /// Maximum number of objects for the check.
-const MOST_OBJECTS: usize = 100;
+const MAX_OBJECTS: usize = 100;
 
 /// Objects in fewer views fit to almost any poses.
-const FEWEST_VIEWS: usize = 3;
+const MIN_VIEWS: usize = 3;
 
 /// Nothing that a detector sees well is farther away than this, in meters.
 const FAR_AWAY: f64 = 300.0;
@@ -56,10 +56,10 @@ fn objects(scene: &Scene) -> Vec<Seen> {
                     Some((detection.frame_index as usize, ellipse.center()))
                 })
                 .collect();
-            if views.len() >= FEWEST_VIEWS {
+            if views.len() >= MIN_VIEWS {
                 seen.push(views);
             }
-            if seen.len() == MOST_OBJECTS {
+            if seen.len() == MAX_OBJECTS {
                 return seen;
             }
         }

@@ -31,11 +31,11 @@ impl<T: AsRef<str>> From<T> for Cell {
 const WIDTH: usize = 100;
 
 /// Maximum number of rows of a table of objects, frames or cameras.
-pub(crate) const MOST_ROWS: usize = 40;
+pub(crate) const MAX_ROWS: usize = 40;
 
-/// The line below a table of the first [`MOST_ROWS`] of so many things, if there are more; `all` says where all are.
+/// The line below a table of the first [`MAX_ROWS`] of so many things, if there are more; `all` says where all are.
 pub(crate) fn rest(total: usize, things: &str, all: &str) -> String {
-    match total.saturating_sub(MOST_ROWS) {
+    match total.saturating_sub(MAX_ROWS) {
         0 => String::new(),
         1 => format!("{DIM}and 1 more {things}: {all}{DIM:#}\n"),
         more => format!("{DIM}and {more} more {things}s: {all}{DIM:#}\n"),

@@ -14,7 +14,7 @@ pub(crate) enum Stream {
 }
 
 /// Maximum number of links to a file; the limit of Linux.
-const MOST_LINKS: usize = 40;
+const MAX_LINKS: usize = 40;
 
 /// The open file that a path names: `-`, or one that leads to `/dev/stdout`, `/dev/fd/1`, `/proc/self/fd/1` and the like.
 ///
@@ -28,7 +28,7 @@ pub(crate) fn stream(path: &Path) -> Option<Stream> {
         return None;
     }
     let mut path = path.to_owned();
-    for _ in 0..MOST_LINKS {
+    for _ in 0..MAX_LINKS {
         if let Some(number) = number_of_open_file(&path) {
             return Some(match number {
                 1 => Stream::Output,

@@ -9,7 +9,7 @@ use crate::error::ReadError;
 use crate::guard::note_read;
 
 /// Most bytes that are read from a pipe.
-const MOST_FROM_PIPE: u64 = 1 << 32;
+const MAX_FROM_PIPE: u64 = 1 << 32;
 
 /// The bytes of a file; `-` is the standard input. Devices and named pipes are rejected, because they may be endless or
 /// never written to; an open pipe (`/dev/stdin`, `/dev/fd/63` of a shell's `<(...)`) is read.
@@ -27,7 +27,7 @@ pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
         let mut file = File::open(path)?;
         if file.metadata()?.is_file() {
             file.read_to_end(&mut bytes)?;
-        } else if file.take(MOST_FROM_PIPE).read_to_end(&mut bytes)? as u64 == MOST_FROM_PIPE {
+        } else if file.take(MAX_FROM_PIPE).read_to_end(&mut bytes)? as u64 == MAX_FROM_PIPE {
             return Err(io::Error::other("the pipe holds more than 4 GiB"));
         }
         Ok(bytes)
@@ -43,8 +43,8 @@ fn read_standard_input(path: &Path) -> Result<Vec<u8>, ReadError> {
     }
     note_read(Path::new("/dev/stdin"));
     let mut bytes = Vec::new();
-    match input.lock().take(MOST_FROM_PIPE).read_to_end(&mut bytes) {
-        Ok(count) if count as u64 == MOST_FROM_PIPE => Err(ReadError::new(path, "the input holds more than 4 GiB")),
+    match input.lock().take(MAX_FROM_PIPE).read_to_end(&mut bytes) {
+        Ok(count) if count as u64 == MAX_FROM_PIPE => Err(ReadError::new(path, "the input holds more than 4 GiB")),
         Ok(_) => Ok(bytes),
         Err(error) => Err(read_error(path, &error)),
     }

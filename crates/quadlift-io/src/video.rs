@@ -17,10 +17,10 @@ use crate::input::check_readable;
 use crate::temporary::Temporary;
 
 /// Most ranges of frames that the filter of a process selects; near ranges are joined beyond it.
-const MOST_RANGES: usize = 400;
+const MAX_RANGES: usize = 400;
 
 /// Numbers of frames are below it: a year of video has fewer.
-const MOST_FRAMES: u64 = 1 << 31;
+const MAX_FRAMES: u64 = 1 << 31;
 
 /// Frames per second of the images that are written: a number without a meaning, so that none is dropped or repeated.
 const RATE: u32 = 25;
@@ -38,7 +38,7 @@ pub enum VideoTime {
 pub fn frame_of_video(path: &Path) -> Option<(&Path, VideoTime)> {
     let (video, fragment) = path.to_str()?.rsplit_once('#')?;
     let time = match fragment.split_once('=')? {
-        ("frame", number) => VideoTime::Frame(number.parse().ok().filter(|number| *number < MOST_FRAMES)?),
+        ("frame", number) => VideoTime::Frame(number.parse().ok().filter(|number| *number < MAX_FRAMES)?),
         ("t", seconds) => VideoTime::Seconds(seconds.parse().ok().filter(|x: &f64| x.is_finite() && *x >= 0.0)?),
         _ => return None,
     };
@@ -194,7 +194,7 @@ fn ranges(frames: &BTreeSet<u64>) -> Vec<[u64; 2]> {
             _ => ranges.push([frame, frame]),
         }
     }
-    if ranges.len() > MOST_RANGES {
+    if ranges.len() > MAX_RANGES {
         // The widest gaps stay.
         let gap = |pair: &[[u64; 2]]| pair[1][0] - pair[0][1];
         let mut gaps: Vec<u64> = ranges.windows(2).map(gap).collect();
@@ -202,7 +202,7 @@ fn ranges(frames: &BTreeSet<u64>) -> Vec<[u64; 2]> {
         let (joined, mut kept) = (std::mem::take(&mut ranges), 1);
         for range in joined {
             match ranges.last_mut() {
-                Some([_, last]) if range[0] - *last < gaps[MOST_RANGES - 2] || kept == MOST_RANGES => *last = range[1],
+                Some([_, last]) if range[0] - *last < gaps[MAX_RANGES - 2] || kept == MAX_RANGES => *last = range[1],
                 previous => {
                     kept += usize::from(previous.is_some());
                     ranges.push(range);

@@ -8,7 +8,7 @@ use quadlift_io::stream::CheckedFrame;
 use quadlift_report::{LiveMap, LiveRecord};
 
 /// Events that wait to be logged, at most; older ones are dropped.
-const MOST_EVENTS: usize = 10_000;
+const MAX_EVENTS: usize = 10_000;
 
 /// What a viewer shows, and what has changed since it was logged.
 #[derive(Default)]
@@ -70,7 +70,7 @@ impl Live {
         waiting.objects.extend(objects);
         waiting.gone.extend(gone);
         waiting.events.extend(events);
-        let surplus = waiting.events.len().saturating_sub(MOST_EVENTS);
+        let surplus = waiting.events.len().saturating_sub(MAX_EVENTS);
         waiting.events.drain(..surplus);
         let (up, frame) = (up.or(waiting.up), frame.or(waiting.frame.take()));
         self.changed = Some(LiveRecord { index, time, up, frame, ..waiting });

@@ -7,13 +7,13 @@ use quadlift_io::scene_file::SceneImages;
 use crate::scores::Scores;
 
 /// Target size of a page in bytes: images fill what the other data leave.
-pub const MOST_BYTES: usize = 30_000_000;
+pub const MAX_BYTES: usize = 30_000_000;
 /// Largest number of frames in a report; of more, an evenly spread selection is shown.
-pub const MOST_FRAMES: usize = 10_000;
+pub const MAX_FRAMES: usize = 10_000;
 /// Largest number of objects in a report; of more, the first are shown.
-pub const MOST_OBJECTS: usize = 10_000;
+pub const MAX_OBJECTS: usize = 10_000;
 /// Detections in a report; with more, only every second frame keeps its own, or every third, and so on.
-pub const MOST_DETECTIONS: usize = 500_000;
+pub const MAX_DETECTIONS: usize = 500_000;
 
 /// The contents of a report.
 #[derive(Debug, Clone, Copy)]

@@ -6,7 +6,7 @@ use quadlift::scene::{Detection, Scene};
 use quadlift_io::scene_file::ViewRecord;
 use quadlift_io::{EntryError, SceneFile};
 
-use crate::content::{Content, MOST_BYTES, MOST_DETECTIONS, MOST_FRAMES, MOST_OBJECTS};
+use crate::content::{Content, MAX_BYTES, MAX_DETECTIONS, MAX_FRAMES, MAX_OBJECTS};
 use crate::data::{Report, ReportDetections, ReportFrame};
 use crate::masks::add_masks;
 use crate::objects::Objects;
@@ -21,7 +21,7 @@ use crate::thumbnails::{evenly_spread, thumbnails};
 /// [`EntryError`] names the first object of the estimate or of the truth that is wrong.
 pub fn report(content: &Content) -> Result<Report, EntryError> {
     let scene = content.scene;
-    let frames: Vec<usize> = evenly_spread(scene.frames.len(), MOST_FRAMES).collect();
+    let frames: Vec<usize> = evenly_spread(scene.frames.len(), MAX_FRAMES).collect();
     let mut report = report_of_frames(content, &frames)?;
     if frames.len() < scene.frames.len() {
         let note = format!("the report shows {} of {} frames, evenly spread", frames.len(), scene.frames.len());
@@ -54,8 +54,8 @@ pub fn report_of_frames(content: &Content, frames: &[usize]) -> Result<Report, E
     let objects = Objects::gather(content, center_limit(&run), is_shown)?;
     let mut notes = run_notes(&run);
     let total = objects.list.len();
-    if total > MOST_OBJECTS {
-        notes.push(format!("the report shows the first {MOST_OBJECTS} of {total} objects"));
+    if total > MAX_OBJECTS {
+        notes.push(format!("the report shows the first {MAX_OBJECTS} of {total} objects"));
     }
     let mut detections = detections_by_frame(scene, &objects, content.estimate, is_shown);
     notes.extend(thin_out(&mut detections, frames));
@@ -87,17 +87,17 @@ pub fn report_of_frames(content: &Content, frames: &[usize]) -> Result<Report, E
         points: drawn_points(content.points),
         scores: content.scores.map(|scores| objects.scores(scores)),
         categories: objects.categories,
-        objects: objects.list.into_iter().take(MOST_OBJECTS).collect(),
+        objects: objects.list.into_iter().take(MAX_OBJECTS).collect(),
     })
 }
 
 /// Points in a report; of more an evenly spread choice is shown.
-const MOST_POINTS: usize = 10_000;
+const MAX_POINTS: usize = 10_000;
 
 /// The coordinates of the points, rounded to the decimal place that gives the extent of the points five digits: finer than a
 /// pixel of the view. The extent is that of the middle nine tenths in each coordinate, so that stray points do not count.
 fn drawn_points(points: &[[f64; 3]]) -> Vec<f64> {
-    let shown: Vec<[f64; 3]> = evenly_spread(points.len(), MOST_POINTS).map(|index| points[index]).collect();
+    let shown: Vec<[f64; 3]> = evenly_spread(points.len(), MAX_POINTS).map(|index| points[index]).collect();
     let extent = (0..3).map(|axis| {
         let mut values: Vec<f64> = shown.iter().map(|point| point[axis]).collect();
         values.sort_by(f64::total_cmp);
@@ -116,9 +116,9 @@ fn drawn_points(points: &[[f64; 3]]) -> Vec<f64> {
 
 /// Bytes that are left for images.
 fn bytes_left(report: &Report) -> usize {
-    let data = serde_json::to_string(report).map_or(MOST_BYTES, |json| json.len());
+    let data = serde_json::to_string(report).map_or(MAX_BYTES, |json| json.len());
     // A little room for notes and sizes.
-    MOST_BYTES.saturating_sub(data + EMPTY_PAGE + 100_000)
+    MAX_BYTES.saturating_sub(data + EMPTY_PAGE + 100_000)
 }
 
 /// The size of a frame of unknown size: large enough for all of its detections.
@@ -144,7 +144,7 @@ fn detections_by_frame(
     let frames: HashMap<&str, usize> = scene.frames.iter().enumerate().map(|(k, frame)| (&*frame.id, k)).collect();
     let mut views = HashMap::new();
     for object in estimate.iter().flat_map(|file| &file.objects) {
-        let Some(&index) = objects.by_id.get(&object.id).filter(|&&index| index < MOST_OBJECTS) else { continue };
+        let Some(&index) = objects.by_id.get(&object.id).filter(|&&index| index < MAX_OBJECTS) else { continue };
         for view in &object.view_residuals_px {
             if let Some(&frame) = frames.get(view.frame.as_str()) {
                 views.insert((index, frame), view);
@@ -156,7 +156,7 @@ fn detections_by_frame(
     for (detection_index, detection) in scene.detections.iter().enumerate().filter(|(_, d)| is_shown(d)) {
         let frame = detection.frame_index as usize;
         let id = detection.object_index.map(|index| &scene.object_ids[index as usize]);
-        let object = id.and_then(|id| objects.by_id.get(id).copied()).filter(|&index| index < MOST_OBJECTS);
+        let object = id.and_then(|id| objects.by_id.get(id).copied()).filter(|&index| index < MAX_OBJECTS);
         let view = object.and_then(|index| views.remove(&(index, frame)));
         let list = &mut detections[frame];
         if let Some(e) = &detection.ellipse {
@@ -217,7 +217,7 @@ impl ReportDetections {
 /// Drops the detections of frames evenly until few enough are left; returns a note about them.
 fn thin_out(detections: &mut [ReportDetections], frames: &[usize]) -> Option<String> {
     let total: usize = frames.iter().map(|&frame| detections[frame].object.len()).sum();
-    let step = total.div_ceil(MOST_DETECTIONS);
+    let step = total.div_ceil(MAX_DETECTIONS);
     if step <= 1 {
         return None;
     }
@@ -293,7 +293,7 @@ mod tests {
         assert_eq!(drawn_points(&large)[3..5], [202_000.0, 3_333_000.0]);
         assert_eq!(drawn_points(&[[0.1234567; 3]]), [0.1234567; 3]);
         assert_eq!(drawn_points(&[]), Vec::<f64>::new());
-        assert_eq!(drawn_points(&vec![[0.5; 3]; 2 * MOST_POINTS + 1]).len(), 3 * MOST_POINTS);
+        assert_eq!(drawn_points(&vec![[0.5; 3]; 2 * MAX_POINTS + 1]).len(), 3 * MAX_POINTS);
     }
 
     #[test]
@@ -476,13 +476,13 @@ mod tests {
 
     #[test]
     fn what_is_too_much_is_left_out_evenly_and_told() {
-        let scene = scene(MOST_FRAMES + 5);
+        let scene = scene(MAX_FRAMES + 5);
         let file = estimate(json!({ "id": "cup", "status": "degenerate" }));
         let report = report(&content(&scene, &file)).unwrap();
-        assert_eq!((report.frames.len(), &*report.frames[0].id), (MOST_FRAMES, "0"));
+        assert_eq!((report.frames.len(), &*report.frames[0].id), (MAX_FRAMES, "0"));
         assert!(report.notes.iter().any(|note| note.contains("10000 of 10005 frames")), "{:?}", report.notes);
 
-        let full = ReportDetections { object: vec![-1; MOST_DETECTIONS / 4], ..Default::default() };
+        let full = ReportDetections { object: vec![-1; MAX_DETECTIONS / 4], ..Default::default() };
         let mut detections = vec![full; 6];
         let note = thin_out(&mut detections, &[0, 1, 2, 3, 4, 5]).unwrap();
         let kept: Vec<bool> = detections.iter().map(|frame| !frame.object.is_empty()).collect();

@@ -23,7 +23,7 @@ mod document;
 mod recording;
 mod live;
 
-pub use content::{Content, MOST_BYTES, MOST_DETECTIONS, MOST_FRAMES, MOST_OBJECTS};
+pub use content::{Content, MAX_BYTES, MAX_DETECTIONS, MAX_FRAMES, MAX_OBJECTS};
 pub use data::{
     GivenPose, Report, ReportBody, ReportDetections, ReportFrame, ReportObject, ReportScores, ScoreColumn, ScoreRow,
 };

@@ -11,7 +11,7 @@ use crate::data::{MaskRows, ReportFrame};
 const ROWS: u32 = 64;
 
 /// Masks in a report; with more detections none are shown.
-const MOST_MASKS: usize = 5000;
+const MAX_MASKS: usize = 5000;
 
 /// Adds the masks of the frames with these indices to the frames of a report; returns notes about skipped masks.
 ///
@@ -23,7 +23,7 @@ pub(crate) fn add_masks(
     frames: &mut [ReportFrame],
 ) -> Option<String> {
     let detections: usize = frames.iter().map(|frame| frame.detections.object.len()).sum();
-    if detections > MOST_MASKS {
+    if detections > MAX_MASKS {
         return None;
     }
     let problems: Vec<Option<String>> = frames

@@ -8,7 +8,7 @@ use quadlift::scene::Detection;
 use quadlift_io::EntryError;
 use quadlift_io::scene_file::{ObjectBodies, ObjectRecord};
 
-use crate::content::{Content, MOST_OBJECTS};
+use crate::content::{Content, MAX_OBJECTS};
 use crate::data::{ReportAlternative, ReportBody, ReportObject, ReportScores, ScoreRow};
 use crate::scores::{Scores, TrueObjectScores};
 
@@ -139,7 +139,7 @@ impl Objects {
     /// The scores, row by row with the object that they are of.
     pub(crate) fn scores(&self, scores: &Scores) -> ReportScores {
         let row = |row: &TrueObjectScores| {
-            let object = self.by_true_id.get(&row.id).copied().filter(|&index| index < MOST_OBJECTS)?;
+            let object = self.by_true_id.get(&row.id).copied().filter(|&index| index < MAX_OBJECTS)?;
             Some(ScoreRow { object, status: row.status.clone(), values: row.values.clone() })
         };
         ReportScores {

@@ -10,7 +10,7 @@ use quadlift_io::EntryError;
 use serde::Serialize;
 
 use crate::colors::{Color, UNKNOWN};
-use crate::content::{Content, MOST_FRAMES};
+use crate::content::{Content, MAX_FRAMES};
 use crate::cues::box_in_world;
 use crate::data::{Report, ReportBody, ReportFrame, ReportObject};
 use crate::document::report_of_frames;
@@ -174,7 +174,7 @@ pub struct RecordingOutline {
 pub fn recording(content: &Content, times: &[Option<f64>]) -> Result<Recording, EntryError> {
     let poses = content.estimate.map(refined_poses).transpose()?.unwrap_or_default();
     let scene = &*with_refined_poses(content.scene, &poses);
-    let chosen: Vec<usize> = evenly_spread(scene.frames.len(), MOST_FRAMES).collect();
+    let chosen: Vec<usize> = evenly_spread(scene.frames.len(), MAX_FRAMES).collect();
     let report = report_of_frames(content, &chosen)?;
     let mut notes = report.notes.clone();
     if chosen.len() < scene.frames.len() {

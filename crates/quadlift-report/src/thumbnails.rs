@@ -14,13 +14,13 @@ use crate::frame_image::frame_jpeg;
 const LONG_SIDES: [(usize, u32); 3] = [(80, 800), (160, 640), (320, 480)];
 
 /// Long side of the images if there are more.
-const SMALLEST_LONG_SIDE: u32 = 320;
+const MIN_LONG_SIDE: u32 = 320;
 
 /// Quality of the JPEG files.
 const QUALITY: u8 = 75;
 
 /// At most so many images are read; of more frames an evenly spread choice.
-const MOST_IMAGES: usize = 1500;
+const MAX_IMAGES: usize = 1500;
 
 /// The small images of some frames.
 #[derive(Debug, Clone, Default)]
@@ -40,7 +40,7 @@ pub(crate) fn thumbnails(scene: &Scene, images: &SceneImages, frames: &[usize], 
     let with_image: Vec<usize> =
         (0..frames.len()).filter(|&k| images.images.get(frames[k]).is_some_and(Option::is_some)).collect();
     let mut result = Thumbnails { urls: vec![None; frames.len()], sizes: vec![None; frames.len()], notes: Vec::new() };
-    let chosen: Vec<usize> = evenly_spread(with_image.len(), MOST_IMAGES).map(|k| with_image[k]).collect();
+    let chosen: Vec<usize> = evenly_spread(with_image.len(), MAX_IMAGES).map(|k| with_image[k]).collect();
     let long_side = long_side(chosen.len());
     images.videos.want(chosen.iter().map(|&k| frames[k]));
     let read: Vec<Result<(String, [u32; 2]), ReadError>> =
@@ -93,7 +93,7 @@ pub(crate) fn evenly_spread(total: usize, most: usize) -> impl Iterator<Item = u
 
 /// Length of the longer side for this number of images, pixels.
 fn long_side(images: usize) -> u32 {
-    LONG_SIDES.iter().find(|(most, _)| images <= *most).map_or(SMALLEST_LONG_SIDE, |(_, side)| *side)
+    LONG_SIDES.iter().find(|(most, _)| images <= *most).map_or(MIN_LONG_SIDE, |(_, side)| *side)
 }
 
 /// The image of a frame as a data URL, and the size of the file's image.

@@ -27,7 +27,7 @@ use crate::session::Session;
 use crate::session::{Action, Output};
 
 /// Messages between the threads, at most; then DDS keeps the newest ones.
-const MOST_EVENTS: usize = 1000;
+const MAX_EVENTS: usize = 1000;
 /// How often waiting detections are looked at.
 const SOON: Duration = Duration::from_millis(10);
 /// How often anything else is looked at.
@@ -73,7 +73,7 @@ type Servers = Vec<(Service, Arc<Server<Bytes, Bytes>>)>;
 pub fn run(arguments: &Arguments) -> Result<(), String> {
     let options = Options::new(arguments)?;
     let mut session = Session::new(options)?;
-    let (sender, receiver) = sync_channel(MOST_EVENTS);
+    let (sender, receiver) = sync_channel(MAX_EVENTS);
     stop_on_signals(sender.clone())?;
     let is_running = Arc::new(AtomicBool::new(false));
     let mut node = create_node(arguments, is_running.clone())?;
@@ -389,7 +389,7 @@ struct Log {
 }
 
 /// Different messages that are remembered, at most.
-const MOST_TEXTS: usize = 1000;
+const MAX_TEXTS: usize = 1000;
 
 impl Log {
     fn write(&mut self, level: Level, text: &str) {
@@ -412,7 +412,7 @@ impl Log {
                     (*last, *more) = (now, 0);
                 }
                 None => {
-                    if self.last.len() >= MOST_TEXTS {
+                    if self.last.len() >= MAX_TEXTS {
                         self.last.clear();
                     }
                     self.last.insert(key, (now, 0));

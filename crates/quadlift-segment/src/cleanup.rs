@@ -1,7 +1,7 @@
 //! Cleans up a labelling: keeps its large parts and fills holes.
 
 /// Parts with less of the largest part's area are dropped.
-const SMALLEST_PART: f64 = 0.2;
+const MIN_PART: f64 = 0.2;
 
 /// Drops the small parts of a labelling of a square grid (pixels that touch along an edge belong together) and fills
 /// the holes.
@@ -9,7 +9,7 @@ pub(crate) fn clean(inside: &mut [bool], grid: usize) {
     let (parts, areas) = connected(inside, grid, true);
     let largest = areas.iter().copied().max().unwrap_or(0);
     for (pixel, part) in inside.iter_mut().zip(&parts) {
-        *pixel = part.is_some_and(|part| areas[part] as f64 >= SMALLEST_PART * largest as f64);
+        *pixel = part.is_some_and(|part| areas[part] as f64 >= MIN_PART * largest as f64);
     }
     let (parts, areas) = connected(inside, grid, false);
     let mut touches_border = vec![false; areas.len()];

@@ -29,14 +29,14 @@ impl Failure {
 }
 
 /// Limits of the area of the mask over that of the box.
-const LEAST_AREA: f64 = 0.12;
-const MOST_AREA: f64 = 0.97;
+const MIN_AREA: f64 = 0.12;
+const MAX_AREA: f64 = 0.97;
 /// Largest part of the mask outside of the box.
-const MOST_OUTSIDE: f64 = 0.12;
+const MAX_OUTSIDE: f64 = 0.12;
 /// Smallest IoU of the mask's extent with the box.
-const LEAST_EXTENT: f64 = 0.55;
+const MIN_EXTENT: f64 = 0.55;
 /// Smallest mean of `|2 q - 1|` in the box.
-const LEAST_DECIDED: f64 = 0.35;
+const MIN_DECIDED: f64 = 0.35;
 
 /// The mean of `|2 q - 1|` over the pixels of the box that lie in the image, q being the probability of the object:
 /// from 0 (nothing is known) to 1 (every pixel is certain).
@@ -52,15 +52,15 @@ pub(crate) fn failure(inside: &[bool], in_box: &[bool], decidedness: f64, grid: 
     let count = |pixels: &[bool]| pixels.iter().filter(|&&inside| inside).count() as f64;
     let (area, box_area) = (count(inside), count(in_box));
     let outside = inside.iter().zip(in_box).filter(|(inside, in_box)| **inside && !**in_box).count() as f64;
-    if area < LEAST_AREA * box_area || area == 0.0 {
+    if area < MIN_AREA * box_area || area == 0.0 {
         Some(Failure::TooSmall)
-    } else if area > MOST_AREA * box_area {
+    } else if area > MAX_AREA * box_area {
         Some(Failure::FillsTheBox)
-    } else if outside > MOST_OUTSIDE * area {
+    } else if outside > MAX_OUTSIDE * area {
         Some(Failure::LeavesTheBox)
-    } else if extent_iou(inside, in_box, grid) < LEAST_EXTENT {
+    } else if extent_iou(inside, in_box, grid) < MIN_EXTENT {
         Some(Failure::MissesPartOfTheBox)
-    } else if decidedness.is_nan() || decidedness < LEAST_DECIDED {
+    } else if decidedness.is_nan() || decidedness < MIN_DECIDED {
         Some(Failure::Undecided)
     } else {
         None

@@ -5,10 +5,10 @@ use crate::mask::{Mask, MaskError};
 use crate::surface::{Patch, Sample, Spread, SurfaceDepth, WINDOW, median_depth, of_surface};
 
 /// Fewest pixels with a depth.
-const FEWEST_PIXELS: usize = 9;
+const MIN_PIXELS: usize = 9;
 
 /// Most samples along each side of a box: more do not change a median.
-const MOST_SAMPLES: u32 = 100;
+const MAX_SAMPLES: u32 = 100;
 
 /// The depth along the optical axis of each pixel of an image.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,10 +45,10 @@ impl DepthImage {
         let samples = of_surface(self.samples(patch), patch, half_sizes);
         // There are enough of them to tell how far their depths spread.
         let spread = Spread { usual: 0.0, counts: 0.0, independent: 1.0 };
-        if samples.len() < FEWEST_PIXELS { None } else { median_depth(&samples, patch, &spread) }
+        if samples.len() < MIN_PIXELS { None } else { median_depth(&samples, patch, &spread) }
     }
 
-    /// The pixels of the box, and of the mask if there is one, that have a depth; at most [`MOST_SAMPLES`] along each side.
+    /// The pixels of the box, and of the mask if there is one, that have a depth; at most [`MAX_SAMPLES`] along each side.
     fn samples(&self, patch: &Patch) -> Vec<Sample> {
         let Patch { bounding_box, mask, image_size, .. } = patch;
         let [width, height] = self.size();
@@ -63,7 +63,7 @@ impl DepthImage {
         };
         let columns = range(around.x0() / sx, around.x1() / sx, width);
         let rows = range(around.y0() / sy, around.y1() / sy, height);
-        let stride = |range: &std::ops::Range<u32>| (range.len() as u32).div_ceil(MOST_SAMPLES).max(1) as usize;
+        let stride = |range: &std::ops::Range<u32>| (range.len() as u32).div_ceil(MAX_SAMPLES).max(1) as usize;
         let mut samples = Vec::new();
         for y in rows.clone().step_by(stride(&rows)) {
             for x in columns.clone().step_by(stride(&columns)) {

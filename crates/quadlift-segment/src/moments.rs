@@ -28,7 +28,7 @@ impl PixelTerm {
 }
 
 /// Eigenvalues of a covariance whose ratio is below this are those of a line.
-const SMALLEST_RATIO: f64 = 1e-12;
+const MIN_RATIO: f64 = 1e-12;
 
 /// Area, center and second central moments of a region of the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,7 +75,7 @@ impl Moments {
     pub fn ellipse(&self) -> Option<Ellipse> {
         let (trace, determinant) = (self.covariance.trace(), self.covariance.determinant());
         // About the ratio of the eigenvalues, where it is small. Written so that NaN is refused too.
-        let wide = determinant > SMALLEST_RATIO * trace * trace;
+        let wide = determinant > MIN_RATIO * trace * trace;
         if wide { Ellipse::from_shape(self.center, &(self.covariance * 4.0)).ok() } else { None }
     }
 }

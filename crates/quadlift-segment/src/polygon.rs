@@ -8,7 +8,7 @@ use crate::moments::Moments;
 
 /// Most crossings of edges with rows of pixels, and most pixels in the boxes of all polygons of a mask: about a second. The
 /// outline of an object has at most as many as its box has pixels.
-const MOST_STEPS: u64 = 1 << 28;
+const MAX_STEPS: u64 = 1 << 28;
 
 /// Why lists of numbers are not valid polygons.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -37,7 +37,7 @@ pub enum PolygonError {
     },
     /// The polygons cross the rows of pixels, or cover the image, too often.
     #[error(
-        "the polygons cross the rows of the image, or cover its pixels, more than {MOST_STEPS} times; expected outlines"
+        "the polygons cross the rows of the image, or cover its pixels, more than {MAX_STEPS} times; expected outlines"
     )]
     TooComplex,
 }
@@ -99,7 +99,7 @@ impl Polygons {
         let area = |[x0, y0, x1, y1]: [u32; 4]| u64::from(x1.saturating_sub(x0)) * u64::from(y1.saturating_sub(y0));
         let edges = || self.parts.iter().flat_map(|part| edges(part));
         let crossings: u64 = edges().map(|(a, b)| rows(&a, &b, height).len() as u64).sum();
-        if crossings.max(windows.iter().copied().map(area).sum()) > MOST_STEPS {
+        if crossings.max(windows.iter().copied().map(area).sum()) > MAX_STEPS {
             return Err(PolygonError::TooComplex);
         }
         let mut mask = Mask { origin: [left, top], width: right - left, height: bottom - top, ..Mask::default() };

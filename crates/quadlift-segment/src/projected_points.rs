@@ -6,7 +6,7 @@ use crate::mask::Mask;
 use crate::surface::{Patch, Sample, Spread, SurfaceDepth, WINDOW, median_depth, of_surface};
 
 /// Fewest points of a surface.
-const FEWEST_POINTS: usize = 3;
+const MIN_POINTS: usize = 3;
 
 /// Usual spread of the depths of a visible surface, in half sizes of the object, and how many points it counts beside the spread that
 /// is found (simulated points, spread evenly: 68 % of the errors are within 0.95 to 1.15 standard deviations for 4 to 100 points, if each
@@ -25,7 +25,7 @@ const POINTS_PER_CELL: f64 = 8.0;
 const CELL_DEPTH: f64 = 0.25;
 
 /// Most cells along each side.
-const MOST_CELLS: f64 = 32.0;
+const MAX_CELLS: f64 = 32.0;
 
 /// A point before the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,7 +67,7 @@ pub fn surface_of_points(points: &[ProjectedPoint], patch: &Patch, may_be_hidden
         false => samples.into_iter().map(|(_, sample)| sample).collect(),
     };
     let samples = of_surface(samples, patch, WINDOW);
-    if samples.len() < FEWEST_POINTS {
+    if samples.len() < MIN_POINTS {
         return None;
     }
     let usual = Spread { usual: USUAL_SPREAD, counts: PRIOR_POINTS, independent: INDEPENDENT };
@@ -77,7 +77,7 @@ pub fn surface_of_points(points: &[ProjectedPoint], patch: &Patch, may_be_hidden
 
 /// The points without those that a nearer one in the same cell of the box hides; none if there are too few for several cells.
 fn without_hidden(points: &[(ProjectedPoint, Sample)], patch: &Patch) -> Vec<Sample> {
-    let cells = (points.len() as f64 / POINTS_PER_CELL).sqrt().min(MOST_CELLS).floor();
+    let cells = (points.len() as f64 / POINTS_PER_CELL).sqrt().min(MAX_CELLS).floor();
     if cells < 2.0 {
         return Vec::new();
     }

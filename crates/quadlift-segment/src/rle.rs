@@ -8,10 +8,10 @@ use crate::mask::Mask;
 use crate::moments::{Moments, PixelSums, PixelTerm};
 
 /// Maximum number of pixels of an image: an absurd size in a file must not exhaust the memory.
-const MOST_PIXELS: u64 = 1 << 28;
+const MAX_PIXELS: u64 = 1 << 28;
 
 /// The longest number in the compressed form, in characters: seven hold any run and any difference of two.
-const LONGEST_NUMBER: u32 = 7;
+const MAX_NUMBER: u32 = 7;
 
 /// Why runs are not a valid mask.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -28,7 +28,7 @@ pub enum RleError {
     #[error("the compressed runs end in the middle of a number")]
     CutOff,
     /// A run is negative or longer than any image.
-    #[error("run {index} has the length {length}; expected a number from 0 to {MOST_PIXELS}")]
+    #[error("run {index} has the length {length}; expected a number from 0 to {MAX_PIXELS}")]
     Run {
         /// Index of the run, from 0.
         index: usize,
@@ -46,7 +46,7 @@ pub enum RleError {
         width: u32,
     },
     /// The image is too large.
-    #[error("the size [{height}, {width}] is too large; at most {MOST_PIXELS} pixels are read")]
+    #[error("the size [{height}, {width}] is too large; at most {MAX_PIXELS} pixels are read")]
     TooLarge {
         /// Height of the image in pixels.
         height: u32,
@@ -70,7 +70,7 @@ impl Rle {
     /// [`RleError`] if the runs do not fill the image exactly, or if it is too large.
     pub fn new(height: u32, width: u32, counts: Vec<u32>) -> Result<Self, RleError> {
         let pixels = u64::from(height) * u64::from(width);
-        if pixels > MOST_PIXELS {
+        if pixels > MAX_PIXELS {
             return Err(RleError::TooLarge { height, width });
         }
         let found = counts.iter().fold(0, |sum: u64, &count| sum.saturating_add(u64::from(count)));
@@ -93,7 +93,7 @@ impl Rle {
             if index > 2 {
                 number += i64::from(counts[index - 2]);
             }
-            if !(0..=MOST_PIXELS as i64).contains(&number) {
+            if !(0..=MAX_PIXELS as i64).contains(&number) {
                 return Err(RleError::Run { index, length: number });
             }
             counts.push(number as u32);
@@ -106,7 +106,7 @@ impl Rle {
     /// # Errors
     /// [`RleError::TooLarge`].
     pub fn of_mask(mask: &Mask, height: u32, width: u32) -> Result<Self, RleError> {
-        if u64::from(height) * u64::from(width) > MOST_PIXELS {
+        if u64::from(height) * u64::from(width) > MAX_PIXELS {
             return Err(RleError::TooLarge { height, width });
         }
         let (mut counts, mut run, mut inside) = (Vec::new(), 0, false);
@@ -206,7 +206,7 @@ impl Rle {
 /// The next number of the compressed form.
 fn compressed_number(characters: &mut std::str::CharIndices) -> Result<i64, RleError> {
     let mut number = 0;
-    for digit in 0..LONGEST_NUMBER {
+    for digit in 0..MAX_NUMBER {
         let (position, found) = characters.next().ok_or(RleError::CutOff)?;
         let value = match u32::from(found) {
             code @ 48..=111 => i64::from(code - 48),
@@ -217,7 +217,7 @@ fn compressed_number(characters: &mut std::str::CharIndices) -> Result<i64, RleE
             let sign = if value & 0x10 != 0 { -1 << (5 * (digit + 1)) } else { 0 };
             return Ok(number | sign);
         }
-        if digit == LONGEST_NUMBER - 1 {
+        if digit == MAX_NUMBER - 1 {
             return Err(RleError::Character { found, position });
         }
     }

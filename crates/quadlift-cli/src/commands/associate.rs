@@ -24,7 +24,7 @@ use crate::next::Next;
 use crate::options::{Associate, Chosen};
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::progress::RunProgress;
-use crate::table::{Cell, MOST_ROWS, Table, rest};
+use crate::table::{Cell, MAX_ROWS, Table, rest};
 use crate::threads;
 use crate::words::duration;
 
@@ -150,7 +150,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     write_scene_file(&args.output, &file)?;
     let mut table = Table::new(["<object", "<category", "views", "evidence", "<uncertain"]);
     let labels = labels(scene, &association);
-    for object in association.objects.iter().take(MOST_ROWS) {
+    for object in association.objects.iter().take(MAX_ROWS) {
         let category = object.category_index.map_or("", |index| scene.categories[index as usize].as_str());
         table.push(vec![
             Cell::from(labels.of(&object.id)),

@@ -19,7 +19,7 @@ use crate::error::{Outcome, usage};
 use crate::files::{Inputs, check_result_name, move_paths, outputs, refuse_to_overwrite, with_hint};
 use crate::next::Next;
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
-use crate::table::{Cell, MOST_ROWS, Table, rest};
+use crate::table::{Cell, MAX_ROWS, Table, rest};
 use crate::threads;
 use crate::words::{count, duration, some_of, with_unit};
 
@@ -277,7 +277,7 @@ fn table(ids: &[String], found: &Calibration, unit: Option<&str>) -> String {
     let position = with_unit("position", unit);
     let mut table =
         Table::new(["<camera", "<status", "time_steps", &position, "rotation [deg]", "residual [px]", "edges [%]"]);
-    for (index, (id, camera)) in ids.iter().zip(&found.cameras).enumerate().take(MOST_ROWS) {
+    for (index, (id, camera)) in ids.iter().zip(&found.cameras).enumerate().take(MAX_ROWS) {
         let style = match camera.status {
             CameraStatus::Ok | CameraStatus::Given => GOOD,
             CameraStatus::Ambiguous | CameraStatus::Undetermined => WARNING,

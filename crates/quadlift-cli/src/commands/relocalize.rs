@@ -22,7 +22,7 @@ use crate::error::{Outcome, usage};
 use crate::files::{Inputs, check_result_name, move_paths, outputs, refuse_to_overwrite, with_hint};
 use crate::next::Next;
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
-use crate::table::{Cell, MOST_ROWS, Table, rest};
+use crate::table::{Cell, MAX_ROWS, Table, rest};
 use crate::threads;
 use crate::words::{count, duration, some_of, with_unit};
 
@@ -288,7 +288,7 @@ fn warn_of_categories(map: &ObjectLandmarks, found: &[(FrameQuery, Relocalizatio
 fn table(ids: &[String], found: &[(FrameQuery, Relocalization)], unit: Option<&str>) -> String {
     let position = with_unit("position", unit);
     let mut table = Table::new(["<frame", "<status", "objects", &position, "rotation [deg]", "evidence"]);
-    for (id, (frame, located)) in ids.iter().zip(found).take(MOST_ROWS) {
+    for (id, (frame, located)) in ids.iter().zip(found).take(MAX_ROWS) {
         let style = match located.status {
             LocateStatus::Ok => GOOD,
             LocateStatus::Ambiguous => WARNING,

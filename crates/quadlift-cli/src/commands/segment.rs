@@ -26,7 +26,7 @@ use crate::options::{Chosen, Segment};
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
 use crate::report::{Gathered, check_report};
 use crate::segmentation::segment_scene;
-use crate::table::{Cell, MOST_ROWS, Table, number, rest};
+use crate::table::{Cell, MAX_ROWS, Table, number, rest};
 use crate::threads;
 use crate::words::{count, duration};
 
@@ -290,7 +290,7 @@ fn report(args: &Args, scene: &Scene, segmentation: &Segmentation, notes: &[Stri
         "confidence",
     ]);
     let labels = Labels::of_scene(scene);
-    summaries.iter().take(MOST_ROWS).for_each(|summary| table.push(summary.cells(&labels)));
+    summaries.iter().take(MAX_ROWS).for_each(|summary| table.push(summary.cells(&labels)));
     let mut text = format!(
         "{HEADING}{}{HEADING:#}: {} of {} segmented ({})\n{}\n{}",
         one_line(&args.scene.display().to_string()),

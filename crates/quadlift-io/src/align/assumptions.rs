@@ -59,7 +59,7 @@ pub enum Contradiction {
 /// Standard deviations and least difference of logarithms from which a scale contradicts the known one, and the difference from which the
 /// maps are not aligned at all.
 const SCALE_DEVIATIONS: f64 = 3.0;
-const LEAST_DIFFERENCE: f64 = 0.01;
+const MIN_DIFFERENCE: f64 = 0.01;
 const WRONG_SCALE: f64 = 0.03;
 
 /// Difference of the evidence from which a free scale or a mirror image is right and what was assumed is wrong: odds of 100 to 1.
@@ -96,7 +96,7 @@ pub fn align_checked(a: &MapObjects, b: &MapObjects, options: &AlignOptions) -> 
             let off = (best.a_from_b.scale / known).ln().abs();
             let sd = best.sds()[2];
             let evidence = evidence_of(&found);
-            if off > LEAST_DIFFERENCE.max(SCALE_DEVIATIONS * sd) {
+            if off > MIN_DIFFERENCE.max(SCALE_DEVIATIONS * sd) {
                 if off > WRONG_SCALE && best.evidence > evidence + CLEARLY {
                     found.status = AlignStatus::NoAlignment;
                 }

@@ -19,7 +19,7 @@ use crate::scene_file::{ObjectBodies, SceneFile};
 pub use scores::{COLUMNS, Column, Unit, failures_in_words, found_record, scores_record};
 
 /// Minimum volume IoU of a true object with an estimate that is `ok` to count as found.
-pub const LEAST_IOU: f64 = 0.25;
+pub const MIN_IOU: f64 = 0.25;
 
 /// How estimates and true objects are paired.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -95,7 +95,7 @@ pub fn evaluate_objects(
     let found: Vec<Option<Ellipsoid>> =
         estimated.iter().filter(|object| is_ok(object)).map(|object| object.ellipsoid).collect();
     let bodies: Vec<Ellipsoid> = true_objects.iter().filter_map(TruthObject::ellipsoid).collect();
-    Ok((evaluation, score_found(&found, &bodies, LEAST_IOU)))
+    Ok((evaluation, score_found(&found, &bodies, MIN_IOU)))
 }
 
 fn estimated_object(object: ObjectBodies) -> EstimatedObject {

@@ -3,7 +3,7 @@
 use quadlift::metrics::{Evaluation, Mean, MeanScore, ObjectDetectionScore, ObjectScore, PairedBy};
 use serde_json::{Map, Value, json};
 
-use super::LEAST_IOU;
+use super::MIN_IOU;
 use crate::wording::count;
 
 /// A score: its name in JSON, its title in the table, and its accessors.
@@ -135,7 +135,7 @@ pub fn failures_in_words(evaluation: &Evaluation) -> String {
 /// How many objects were found, as JSON.
 pub fn found_record(found: &ObjectDetectionScore) -> Value {
     json!({
-        "least_iou3d": LEAST_IOU,
+        "least_iou3d": MIN_IOU,
         "true_objects": found.true_objects,
         "estimates": found.found,
         "matched": found.matched,

@@ -12,11 +12,11 @@ use crate::error::{ReadError, WriteError};
 use crate::input::read_bytes;
 
 /// Maximum size of image files in bytes: no image within the limit of pixels is larger.
-const MOST_BYTES_PER_PIXEL: u64 = 16;
+const MAX_BYTES_PER_PIXEL: u64 = 16;
 
 /// How many bytes an image file may have, and its pixels once they are decoded.
 fn max_bytes() -> u64 {
-    max_pixels().saturating_mul(MOST_BYTES_PER_PIXEL)
+    max_pixels().saturating_mul(MAX_BYTES_PER_PIXEL)
 }
 
 /// Reads a PNG or JPEG file as 8-bit RGB.

@@ -12,7 +12,7 @@ use std::sync::Arc;
 pub(super) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 
 /// The largest chunk or message that is read, in bytes. Recorders make chunks of a few megabytes.
-const LARGEST_CHUNK: u64 = 1 << 28;
+const MAX_CHUNK: u64 = 1 << 28;
 
 /// Opcodes of the records that are read or written.
 pub(super) mod opcode {
@@ -256,8 +256,8 @@ impl<R: Read + Seek> LogReader<R> {
             return self.recover(place, opcode, size, left - 9);
         }
         self.offset += 9 + size;
-        if size > LARGEST_CHUNK && matches!(opcode, opcode::SCHEMA..=opcode::CHUNK) {
-            let text = format!("the record has {size} bytes, more than {LARGEST_CHUNK}; it is left out");
+        if size > MAX_CHUNK && matches!(opcode, opcode::SCHEMA..=opcode::CHUNK) {
+            let text = format!("the record has {size} bytes, more than {MAX_CHUNK}; it is left out");
             return Ok(Some(problem(place, text)));
         }
         match opcode {
@@ -424,8 +424,8 @@ fn chunk(content: &[u8]) -> Result<Vec<u8>, String> {
     let Some((size, checksum, compression, bytes)) = head else {
         return Err("the chunk record ends too early; the chunk is left out".to_owned());
     };
-    if size > LARGEST_CHUNK {
-        return Err(format!("the chunk should have {size} bytes, more than {LARGEST_CHUNK}; it is left out"));
+    if size > MAX_CHUNK {
+        return Err(format!("the chunk should have {size} bytes, more than {MAX_CHUNK}; it is left out"));
     }
     let damaged = |what: &dyn fmt::Display| format!("the chunk is damaged ({compression}: {what}); it is left out");
     // One byte more than promised, which tells that the promise is wrong.

@@ -1,6 +1,6 @@
 //! The second reading of a log: its frames in the order of their times, each as soon as the transforms around it are known.
 //!
-//! What is kept are the frames that wait (ten seconds of the log at most, [`MOST_WAITING`] at most) and the transforms of the last
+//! What is kept are the frames that wait (ten seconds of the log at most, [`MAX_WAITING`] at most) and the transforms of the last
 //! half minute: the memory does not grow with the log.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -19,11 +19,11 @@ use crate::stream::FrameLine;
 use crate::wording::count;
 
 /// Frames that wait for transforms, at most.
-const MOST_WAITING: usize = 1000;
+const MAX_WAITING: usize = 1000;
 /// Time of the log after which a frame is made, so that those of slower detectors can be put before it.
 const REORDER: u64 = SECOND as u64;
 /// Time of the log after which no more transforms are waited for.
-const LONGEST_WAIT: u64 = 10 * SECOND as u64;
+const MAX_WAIT: u64 = 10 * SECOND as u64;
 /// A clock that goes back by more than this has jumped.
 pub(super) const JUMP_BACK: i64 = SECOND;
 /// A clock that goes forward by more than this has jumped.
@@ -317,7 +317,7 @@ impl<R: Read + Seek> Frames<R> {
     fn make_ready(&mut self) {
         while let Some((&(stamp, camera), waiting)) = self.waiting.first_key_value() {
             let waited = self.log_time.saturating_sub(waiting.log_time);
-            let is_final = waited >= LONGEST_WAIT || self.waiting.len() > MOST_WAITING;
+            let is_final = waited >= MAX_WAIT || self.waiting.len() > MAX_WAITING;
             if waited < REORDER && !is_final || !self.make(stamp, camera, is_final) {
                 return;
             }

@@ -45,7 +45,7 @@ use crate::stream::AboutRecord;
 use crate::wording::count;
 
 /// Problems that a result lists, at most.
-const MOST_PROBLEMS: usize = 1000;
+const MAX_PROBLEMS: usize = 1000;
 
 /// How a log is read.
 #[derive(Debug, Clone, PartialEq)]
@@ -331,7 +331,7 @@ fn to_scene<S: Source>(path: &Path, log: McapLog<S>) -> Result<Import, ReadError
             return Err(strict_error(path, &problem));
         }
         problem_count += 1;
-        if problems.len() < MOST_PROBLEMS {
+        if problems.len() < MAX_PROBLEMS {
             problems.push(format!("{}: {problem}", path.display()));
         }
         Ok(())

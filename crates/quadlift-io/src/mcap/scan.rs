@@ -15,9 +15,9 @@ use crate::scene_file::CameraRecord;
 use crate::wording::{count, some_of};
 
 /// Calibrations of one topic that differ, at most.
-const MOST_CALIBRATIONS: usize = 10_000;
+const MAX_CALIBRATIONS: usize = 10_000;
 /// Problems that are kept, at most.
-const MOST_PROBLEMS: usize = 1000;
+const MAX_PROBLEMS: usize = 1000;
 
 /// What the first reading has found.
 #[derive(Debug)]
@@ -129,10 +129,8 @@ impl LogCamera {
         {
             return Ok(());
         }
-        if self.calibrations.len() >= MOST_CALIBRATIONS {
-            return Err(format!(
-                "there are more than {MOST_CALIBRATIONS} different calibrations; this one is left out"
-            ));
+        if self.calibrations.len() >= MAX_CALIBRATIONS {
+            return Err(format!("there are more than {MAX_CALIBRATIONS} different calibrations; this one is left out"));
         }
         let id = match self.calibrations.len() {
             0 => self.id.clone(),
@@ -247,7 +245,7 @@ impl Scan {
         if !options.skip_errors {
             return Err(ScanError::Problem(problem));
         }
-        if self.problems.len() < MOST_PROBLEMS {
+        if self.problems.len() < MAX_PROBLEMS {
             self.problems.push(problem);
         }
         Ok(())

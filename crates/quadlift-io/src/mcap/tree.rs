@@ -8,9 +8,9 @@ use nalgebra::Isometry3;
 use super::messages::Transform;
 
 /// Frames of a log, at most.
-const MOST_FRAMES: usize = 10_000;
+const MAX_FRAMES: usize = 10_000;
 /// Transforms that a link keeps, at most.
-const MOST_KEPT: usize = 100_000;
+const MAX_KEPT: usize = 100_000;
 /// How long a link of a log keeps transforms, in nanoseconds.
 const KEPT: i64 = 30 * SECOND;
 /// A second in nanoseconds.
@@ -138,15 +138,15 @@ impl Tree {
                         Some((time, known)) if *time == stamp => *known = parent_from_child,
                         _ => list.insert(at, (stamp, parent_from_child)),
                     }
-                    if list.len() > MOST_KEPT {
+                    if list.len() > MAX_KEPT {
                         list.pop_front();
                     }
                 }
             }
             return Ok(());
         }
-        if self.links.len() >= MOST_FRAMES {
-            return Err(format!("the log has more than {MOST_FRAMES} frames; \"{child}\" is left out"));
+        if self.links.len() >= MAX_FRAMES {
+            return Err(format!("the log has more than {MAX_FRAMES} frames; \"{child}\" is left out"));
         }
         let transforms = match is_fixed {
             true => Transforms::Fixed(parent_from_child),

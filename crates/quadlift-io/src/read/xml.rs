@@ -67,7 +67,7 @@ impl<'a> Xml<'a> {
     ) -> Result<Self, ReadError> {
         let text = as_utf8(path, bytes)?;
         check_attributes(text).map_err(|line| {
-            ReadError::new(path, format!("an element has more than {MOST_ATTRIBUTES} attributes; expected {expected}"))
+            ReadError::new(path, format!("an element has more than {MAX_ATTRIBUTES} attributes; expected {expected}"))
                 .at(line, 0)
         })?;
         let allow_dtd = document_type == DocumentType::Allowed;
@@ -187,7 +187,7 @@ const DEEPEST: usize = 100;
 
 /// Maximum number of attributes of an element: the parser compares each with all others. KITTI files have at most four.
 #[cfg(feature = "xml")]
-const MOST_ATTRIBUTES: usize = 1000;
+const MAX_ATTRIBUTES: usize = 1000;
 
 /// Refuses elements with many attributes; the error is the line of the first.
 #[cfg(feature = "xml")]
@@ -217,7 +217,7 @@ fn check_attributes(text: &str) -> Result<(), usize> {
                 _ => {}
             }
         }
-        if attributes > MOST_ATTRIBUTES {
+        if attributes > MAX_ATTRIBUTES {
             return Err(1 + text[..text.len() - rest.len()].matches('\n').count());
         }
         rest = &rest[end..];

@@ -18,13 +18,13 @@ use crate::images::{check_pixels, read_image_of_size, read_label_image_of_size};
 use crate::video::{VideoFrames, file_of_image, frame_of_video};
 
 /// Most pixels of the masks that are held at once.
-const MOST_MASK_PIXELS: u64 = 1 << 31;
+const MAX_MASK_PIXELS: u64 = 1 << 31;
 
 /// With more pixels, label images are dropped from the cache before the next one is read.
-const MOST_CACHED_PIXELS: u64 = 1 << 28;
+const MAX_CACHED_PIXELS: u64 = 1 << 28;
 
 /// Polygons in a frame of unknown size are cut off here, in pixels.
-const LARGEST_IMAGE: u32 = 1 << 14;
+const MAX_IMAGE: u32 = 1 << 14;
 
 /// Most values of a label image that a message lists.
 const LISTED_VALUES: usize = 8;
@@ -202,13 +202,13 @@ impl SceneImages {
         let mut pixels = 0;
         let mut read = |&index: &usize| {
             let cached = |labels: &LabelImage| u64::from(labels.width()) * u64::from(labels.height());
-            if label_images.values().flatten().map(cached).sum::<u64>() > MOST_CACHED_PIXELS {
+            if label_images.values().flatten().map(cached).sum::<u64>() > MAX_CACHED_PIXELS {
                 label_images.clear();
             }
             let mask = self.read_mask(scene, index, &mut label_images)?;
             pixels += mask.as_ref().map_or(0, |mask| mask.inside.len() as u64);
-            if pixels > MOST_MASK_PIXELS {
-                let problem = format!("the masks of a frame have more than {MOST_MASK_PIXELS} pixels in all");
+            if pixels > MAX_MASK_PIXELS {
+                let problem = format!("the masks of a frame have more than {MAX_MASK_PIXELS} pixels in all");
                 return Err(ReadError::new(&self.scene_file, problem).in_entry(format!("detections[{index}].mask")));
             }
             Ok(mask)
@@ -249,9 +249,9 @@ impl SceneImages {
                 rle.to_mask()
             }
             MaskSource::Polygons(polygons) => {
-                let size = scene.frames[frame_index].image_size.map_or(Vector2::repeat(LARGEST_IMAGE), |size| {
+                let size = scene.frames[frame_index].image_size.map_or(Vector2::repeat(MAX_IMAGE), |size| {
                     // Casts saturate; pixels are counted as far as they begin inside of the image.
-                    size.map(|x| (x.ceil() as u32).min(LARGEST_IMAGE))
+                    size.map(|x| (x.ceil() as u32).min(MAX_IMAGE))
                 });
                 let [x0, y0, x1, y1] = polygons.window(size.x, size.y);
                 check_pixels([x1.saturating_sub(x0), y1.saturating_sub(y0)]).map_err(here)?;

@@ -21,7 +21,7 @@ const CLOUD_SOURCE: &str = "point_cloud";
 const POINTS_SOURCE: &str = "points";
 
 /// Most points of clouds that are kept for the next frames.
-const MOST_CACHED_POINTS: usize = 20_000_000;
+const MAX_CACHED_POINTS: usize = 20_000_000;
 
 impl PointCloudRecord {
     /// Refuses an unknown frame.
@@ -303,7 +303,7 @@ impl Clouds<'_> {
     fn read(&mut self, path: &str) -> Result<&[[f64; 3]], ReadError> {
         let path = self.folder.join(path);
         if !self.cache.contains_key(&path) {
-            if self.cached > MOST_CACHED_POINTS {
+            if self.cached > MAX_CACHED_POINTS {
                 (self.cache, self.cached) = (HashMap::new(), 0);
             }
             let points = read_point_cloud(&path);

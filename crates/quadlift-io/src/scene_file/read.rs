@@ -10,7 +10,7 @@ use serde_path_to_error::Segment;
 
 use super::expected::expected;
 use super::records::{FORMAT, SceneFile, VERSION};
-use super::unknown::{MOST_VALUES, check_unknown};
+use super::unknown::{MAX_VALUES, check_unknown};
 use crate::error::ReadError;
 use crate::guard::note_named;
 use crate::input::{as_utf8, line_and_column, read_bytes};
@@ -34,7 +34,7 @@ pub fn read_scene_file(path: &Path) -> Result<SceneFile, ReadError> {
 /// As [`read_scene_file`].
 pub fn parse_scene_file(path: &Path, bytes: &[u8]) -> Result<SceneFile, ReadError> {
     let text = as_utf8(path, bytes)?;
-    check_unknown(text, MOST_VALUES).map_err(|problem| ReadError::new(path, problem))?;
+    check_unknown(text, MAX_VALUES).map_err(|problem| ReadError::new(path, problem))?;
     match serde_json::from_str::<SceneFile>(text) {
         Ok(scene) if scene.format == FORMAT && scene.version == VERSION => Ok(scene),
         _ => Err(diagnose(path, text)),

@@ -7,7 +7,7 @@ use serde::de::{DeserializeSeed, Error, IgnoredAny, MapAccess, SeqAccess, Visito
 use serde::{Deserialize, Deserializer};
 
 /// Maximum number of values in unknown fields and in `localization`: about a gigabyte while reading.
-pub(super) const MOST_VALUES: usize = 10_000_000;
+pub(super) const MAX_VALUES: usize = 10_000_000;
 
 /// Fields that hold records or lists of them, whose fields may be unknown in their turn; also the names of the kinds of bodies.
 const RECORDS: [&str; 18] = [

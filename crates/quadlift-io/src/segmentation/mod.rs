@@ -260,13 +260,13 @@ fn by_object(scene: &Scene, frames: &BTreeMap<usize, Vec<usize>>) -> Vec<Group> 
 }
 
 /// Most pixels of the masks that are held at once.
-const MOST_MASK_PIXELS: u64 = 1 << 32;
+const MAX_MASK_PIXELS: u64 = 1 << 32;
 
 /// Reads the masks of a frame's detections.
 fn take_masks(scene: &Scene, images: &SceneImages, detections: &[usize], segmentation: &mut Segmentation) {
     let held = segmentation.found.iter().flatten().map(|found| found.mask.inside.len() as u64);
-    if held.sum::<u64>() > MOST_MASK_PIXELS {
-        let problem = format!("the masks of the scene have more than {MOST_MASK_PIXELS} pixels in all");
+    if held.sum::<u64>() > MAX_MASK_PIXELS {
+        let problem = format!("the masks of the scene have more than {MAX_MASK_PIXELS} pixels in all");
         return segmentation.failed(format!("{}: {problem}", images.scene_file.display()), detections);
     }
     for (&index, mask) in detections.iter().zip(images.read_masks(scene, detections)) {

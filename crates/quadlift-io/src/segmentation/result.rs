@@ -15,7 +15,7 @@ use crate::scene_file::{
 };
 
 /// Label images with more pixels than this are not written.
-const MOST_PIXELS: u64 = 1 << 28;
+const MAX_PIXELS: u64 = 1 << 28;
 
 /// Writes the results into the detections of a scene file; those without a result get a status. With a folder, masks
 /// are written there as label images, otherwise into the scene file as COCO RLE.
@@ -112,7 +112,7 @@ fn write_masks(
     name: &str,
     scene_folder: &Path,
 ) -> Result<(), WriteError> {
-    if u64::from(width) * u64::from(height) > MOST_PIXELS {
+    if u64::from(width) * u64::from(height) > MAX_PIXELS {
         let problem = format!("an image of {width} x {height} pixels is too large");
         return Err(WriteError::new(&folder.join(layer_name(name, 0)), problem));
     }

@@ -13,7 +13,7 @@ use crate::scene_file::{
 };
 
 /// Cameras with an id, at most; others can be given in their frames.
-const MOST_CAMERAS: usize = 10_000;
+const MAX_CAMERAS: usize = 10_000;
 
 /// Frames beyond twice the number that the map keeps, before those that it has forgotten are forgotten here.
 const SLACK: usize = 256;
@@ -122,8 +122,8 @@ impl StreamedScene {
             match self.camera(&camera.id).or(new.get(camera.id.as_str()).copied()) {
                 Some(known) if known != camera => return Err(other_camera(entry(), &camera.id)),
                 Some(_) => {}
-                None if self.cameras.len() + new.len() >= MOST_CAMERAS => {
-                    let problem = format!("there are {MOST_CAMERAS} cameras already; give others in their frames");
+                None if self.cameras.len() + new.len() >= MAX_CAMERAS => {
+                    let problem = format!("there are {MAX_CAMERAS} cameras already; give others in their frames");
                     return Err(EntryError::new(entry(), problem));
                 }
                 None => drop(new.insert(&camera.id, camera)),
@@ -330,8 +330,8 @@ impl StreamedScene {
         record.id = id;
         match self.camera(&record.id) {
             Some(known) if *known != record => Err(other_camera("camera".to_owned(), &record.id)),
-            None if self.cameras.len() >= MOST_CAMERAS => {
-                let problem = format!("there are {MOST_CAMERAS} cameras already; leave the \"id\" out");
+            None if self.cameras.len() >= MAX_CAMERAS => {
+                let problem = format!("there are {MAX_CAMERAS} cameras already; leave the \"id\" out");
                 Err(EntryError::new("camera.id", problem))
             }
             _ => Ok((record, true)),

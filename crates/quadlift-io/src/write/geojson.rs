@@ -22,7 +22,7 @@ const CORNERS: u32 = 64;
 const PROBABILITY: f64 = 0.95;
 
 /// Least sine of the angle between north and up.
-const LEAST_ANGLE: f64 = 0.1;
+const MIN_ANGLE: f64 = 0.1;
 
 /// Where the scene is on Earth.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -115,7 +115,7 @@ impl World {
         let direction = Vector3::from(options.north);
         let direction = direction.try_normalize(0.0).unwrap_or(up);
         let level = direction - up * up.dot(&direction);
-        if level.norm() < LEAST_ANGLE {
+        if level.norm() < MIN_ANGLE {
             let problem = "north is parallel to it: set a world direction of north with --north X,Y,Z";
             return Err(EntryError::new("up", problem));
         }

@@ -19,7 +19,7 @@ type Matrix6 = SMatrix<f64, 6, 6>;
 const UNKNOWN_ANGLE: f64 = PI * PI / 3.0;
 
 /// A turn with a greater variance (squared radians) than this is not known: the linear law of errors ends there.
-const LARGEST_VARIANCE: f64 = 1.0;
+const MAX_VARIANCE: f64 = 1.0;
 
 /// The row of this format.
 pub(super) const FORMAT: ExportFormat = ExportFormat {
@@ -81,7 +81,7 @@ pub(super) fn pose_covariance(covariance: &Covariance, body: &Body, meters: f64)
     map.fixed_view_mut::<3, 6>(3, 3).copy_from(&(r * turn));
     let mut result = map * covariance.matrix * map.transpose();
     let turns = result.fixed_view::<3, 3>(3, 3);
-    if !result.iter().all(|x| x.is_finite()) || turns.diagonal().max() > LARGEST_VARIANCE {
+    if !result.iter().all(|x| x.is_finite()) || turns.diagonal().max() > MAX_VARIANCE {
         let center = covariance.matrix.fixed_view::<3, 3>(0, 0) * (meters * meters);
         result = Matrix6::from_diagonal_element(UNKNOWN_ANGLE);
         result.fixed_view_mut::<3, 3>(0, 0).copy_from(&center);

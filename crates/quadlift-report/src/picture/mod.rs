@@ -24,7 +24,7 @@ const SHEET: Color = [0xf2, 0xf3, 0xf5];
 const LABEL: f64 = 17.0;
 
 /// Maximum number of pixels of a blank background.
-const MOST_PIXELS: f64 = 1e8;
+const MAX_PIXELS: f64 = 1e8;
 
 /// How a line is drawn.
 #[derive(Debug, Clone, Copy)]
@@ -112,7 +112,7 @@ impl Picture<'_> {
         let [width, height] = self.size().map(f64::ceil);
         let sheet = match self.image {
             Some(image) => image.clone(),
-            None if width * height > MOST_PIXELS => {
+            None if width * height > MAX_PIXELS => {
                 return Err(format!("the frame has {width} x {height} pixels, too many for a blank image; use SVG"));
             }
             None => RgbImage::from_pixel(width as u32, height as u32, image::Rgb(SHEET)),

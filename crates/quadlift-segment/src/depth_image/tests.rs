@@ -52,8 +52,8 @@ fn pixels_without_depth_tell_nothing() {
     assert_eq!(image(vec![0; 1024]).surface(&patch), None);
     let few =
         |n: usize| image((0..1024).map(|k| u16::from(k % 32 == 16 && k < 32 * (n + 10) && k >= 320) * 1500).collect());
-    assert_eq!(few(FEWEST_PIXELS - 1).surface(&patch), None);
-    let found = few(FEWEST_PIXELS).surface(&patch).unwrap();
+    assert_eq!(few(MIN_PIXELS - 1).surface(&patch), None);
+    let found = few(MIN_PIXELS).surface(&patch).unwrap();
     assert!((found.median - 1.5).abs() < 1e-12 && found.sd > 0.0);
     let outside = Patch { bounding_box: BoundingBox::new([-50.0, -50.0, -10.0, -10.0]).unwrap(), ..patch };
     assert_eq!(image(vec![1500; 1024]).surface(&outside), None);

@@ -11,7 +11,7 @@ const RIM_POINTS: usize = 24;
 
 /// The iteration ends when no point lies farther out than this share of the bound.
 const TOLERANCE: f64 = 1e-3;
-const MOST_ITERATIONS: usize = 10_000;
+const MAX_ITERATIONS: usize = 10_000;
 
 /// The envelope: exact for a single ellipsoid, otherwise that of points on the surfaces (larger than the least one by
 /// less than 0.3 % in volume, and parts of the surfaces between the points may stand out by as much).
@@ -54,7 +54,7 @@ pub(super) fn enclosing_ellipsoid(points: &[Point3<f64>]) -> Ellipsoid {
     let n = points.len();
     let lifted: Vec<Vector4<f64>> = points.iter().map(|p| p.to_homogeneous()).collect();
     let mut weights = vec![1.0 / n as f64; n];
-    for _ in 0..MOST_ITERATIONS {
+    for _ in 0..MAX_ITERATIONS {
         let scatter: Matrix4<f64> = lifted.iter().zip(&weights).map(|(p, w)| p * p.transpose() * *w).sum();
         let Some(inverse) = scatter.try_inverse() else { break };
         let (farthest, value) = lifted

@@ -35,7 +35,7 @@ const BOX_STREAM: u64 = 2;
 const FIRST_FRAME_STREAM: u64 = 3;
 
 /// Width and height in pixels that a box keeps when noise would make its edges cross.
-const SMALLEST_BOX: f64 = 1.0;
+const MIN_BOX: f64 = 1.0;
 
 /// A rendered scene and its ground truth.
 #[derive(Debug, Clone)]
@@ -123,8 +123,8 @@ fn noisy_box(
     let [width, height] = [options.width, options.height].map(f64::from);
     let mut moved = exact.edges().map(|edge| edge + sigma * normal());
     for (axis, size) in [width, height].into_iter().enumerate() {
-        moved[axis + 2] = moved[axis + 2].clamp(SMALLEST_BOX, size);
-        moved[axis] = moved[axis].clamp(0.0, size).min(moved[axis + 2] - SMALLEST_BOX);
+        moved[axis + 2] = moved[axis + 2].clamp(MIN_BOX, size);
+        moved[axis] = moved[axis].clamp(0.0, size).min(moved[axis + 2] - MIN_BOX);
     }
     Ok(BoundingBox::new(moved)?)
 }

@@ -12,7 +12,7 @@ use crate::vector_math::{dot, exp, ln};
 /// Rounds of the warm start in which the components stay at the prior.
 const PRIOR_ROUNDS: usize = 2;
 /// Rounds after which the change of F may end the fit.
-const FEWEST_ROUNDS: usize = 4;
+const MIN_ROUNDS: usize = 4;
 
 /// Log-odds of the object in the pixels of each frame (row by row), by SCA.
 ///
@@ -35,7 +35,7 @@ impl Model<'_> {
         let mut earlier = f64::INFINITY;
         for round in 0..self.options.rounds {
             let free_energy = self.round(Learn::Stels);
-            if round >= FEWEST_ROUNDS && (earlier - free_energy).abs() < self.options.tolerance * free_energy.abs() {
+            if round >= MIN_ROUNDS && (earlier - free_energy).abs() < self.options.tolerance * free_energy.abs() {
                 break;
             }
             earlier = free_energy;

@@ -14,18 +14,18 @@ use crate::geometry::rotation::{between, nearest_rotation, nearest_turn};
 use crate::optimize::bits::ones;
 
 /// Comparisons of pairs with pairs, for all scales together, about: bounds the time.
-const MOST_COMPARISONS: usize = 60_000_000;
+const MAX_COMPARISONS: usize = 60_000_000;
 
 /// Comparisons of objects of the two maps for all groups, about.
-const MOST_SCORES: usize = 10_000_000;
+const MAX_SCORES: usize = 10_000_000;
 
 /// Groups of one scale at most, and at least.
-const MOST_GROUPS: usize = 100;
-const FEWEST_GROUPS: usize = 4;
+const MAX_GROUPS: usize = 100;
+const MIN_GROUPS: usize = 4;
 
-/// Transforms that are refined with all objects, and fewer where the maps are large: as many as [`MOST_SCORES`] comparisons allow.
-const MOST_STARTS: usize = 40;
-const FEWEST_STARTS: usize = 6;
+/// Transforms that are refined with all objects, and fewer where the maps are large: as many as [`MAX_SCORES`] comparisons allow.
+const MAX_STARTS: usize = 40;
+const MIN_STARTS: usize = 6;
 
 /// Half the difference of the logarithms of neighboring scales, which is also the tolerance at each.
 const HALF_STEP: f64 = 0.04;
@@ -34,7 +34,7 @@ const HALF_STEP: f64 = 0.04;
 const DEVIATIONS: f64 = 3.0;
 
 /// Scales that are tried at most; more than are needed for maps whose objects differ a thousandfold in size.
-const MOST_SCALES: usize = 400;
+const MAX_SCALES: usize = 400;
 
 /// Transforms to try, and the pairs that they were searched among.
 pub(super) struct Starts {
@@ -66,9 +66,9 @@ impl Starts {
 pub(super) fn starts(maps: &PreparedMaps) -> Starts {
     let (log_scales, tolerance) = scales(maps);
     let mut found = Starts { transforms: Vec::new(), is_examined: vec![false; maps.candidates.len()], all: maps.all };
-    let each = (2 * MOST_COMPARISONS / log_scales.len().max(1)).isqrt().max(64);
-    let groups = MOST_SCORES / (log_scales.len() * maps.candidates.len()).max(1);
-    let groups = groups.clamp(FEWEST_GROUPS, MOST_GROUPS);
+    let each = (2 * MAX_COMPARISONS / log_scales.len().max(1)).isqrt().max(64);
+    let groups = MAX_SCORES / (log_scales.len() * maps.candidates.len()).max(1);
+    let groups = groups.clamp(MIN_GROUPS, MAX_GROUPS);
     let mut scored: Vec<(f64, Similarity)> = Vec::new();
     for log_scale in log_scales {
         let (nodes, all) = nodes(maps, log_scale, each);
@@ -82,7 +82,7 @@ pub(super) fn starts(maps: &PreparedMaps) -> Starts {
             }
         }
     }
-    let starts = (MOST_SCORES / maps.candidates.len().max(1)).clamp(FEWEST_STARTS, MOST_STARTS);
+    let starts = (MAX_SCORES / maps.candidates.len().max(1)).clamp(MIN_STARTS, MAX_STARTS);
     scored.retain(|(score, _)| *score > 0.0);
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
     for (_, transform) in scored {
@@ -107,7 +107,7 @@ fn scales(maps: &PreparedMaps) -> (Vec<f64>, f64) {
     if !(high - low).is_finite() || high < low {
         return (Vec::new(), 0.0);
     }
-    let count = ((high - low) / (2.0 * HALF_STEP)).ceil().clamp(1.0, MOST_SCALES as f64);
+    let count = ((high - low) / (2.0 * HALF_STEP)).ceil().clamp(1.0, MAX_SCALES as f64);
     let half = 0.5 * (high - low) / count;
     // Neighboring ranges overlap by half, so that a group lies in one of them.
     ((0..2 * count as usize - 1).map(|k| low + half * (k as f64 + 1.0)).collect(), half)

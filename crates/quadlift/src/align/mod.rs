@@ -195,7 +195,7 @@ impl Alignment {
 }
 
 /// Transforms that are told at most.
-const MOST_TRANSFORMS: usize = 8;
+const MAX_TRANSFORMS: usize = 8;
 
 /// Largest standard deviations of a rotation about any axis (radians), and of the logarithm of the scale, with which a transform counts as
 /// decided.
@@ -233,7 +233,7 @@ pub fn align(a: &[MapObject], b: &[MapObject], options: &AlignOptions) -> Alignm
         hypotheses::turned(&maps, &best).into_iter().for_each(|start| examine(&mut transforms, start));
     }
     transforms.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-    transforms.truncate(MOST_TRANSFORMS);
+    transforms.truncate(MAX_TRANSFORMS);
     let status = match &transforms[..] {
         [] => starts.none_found(),
         [best, ..] if best.evidence < CLEAR => starts.none_found(),

@@ -20,7 +20,7 @@ const AXES_SD: f64 = 0.1;
 pub(super) const SIZE_SLACK: f64 = 0.5;
 
 /// Pairs of objects that are kept at most, about: bounds memory and time for large maps whose objects are all alike.
-const MOST_PAIRS: usize = 2_000_000;
+const MAX_PAIRS: usize = 2_000_000;
 
 /// Transforms are the same when their rotations differ by less than this, radians ...
 const SAME_ANGLE: f64 = 0.05;
@@ -110,7 +110,7 @@ impl PreparedMaps {
         // Objects with fewer that are alike come first, where not all pairs can be kept.
         let mut order: Vec<usize> = (0..like_a.len()).collect();
         order.sort_by_key(|&i| like_a[i]);
-        let mut left = MOST_PAIRS;
+        let mut left = MAX_PAIRS;
         order.retain(|&i| {
             left = left.saturating_sub(like_a[i]);
             left > 0

@@ -9,23 +9,23 @@ use super::statistics::median;
 use super::warning::AssociationWarning;
 
 /// Ratio of the longest to the shortest semi-axis above which an object is uncertain if its category has no statistics.
-const LARGEST_ASPECT: f64 = 8.0;
+const MAX_ASPECT: f64 = 8.0;
 
 /// Combined deviation from the typical values, in standard deviations, above which an object is uncertain.
-const LARGEST_DEVIATION: f64 = 3.0;
+const MAX_DEVIATION: f64 = 3.0;
 
 /// Minimum number of objects to estimate the typical values.
 const MIN_INFORMATIVE_OBJECTS: usize = 6;
 
 /// Lower bounds of the standard deviations of the log radius and the log aspect of a category.
-const LEAST_SIZE_SD: f64 = 0.12;
-const LEAST_ASPECT_SD: f64 = 0.3;
+const MIN_SIZE_SD: f64 = 0.12;
+const MIN_ASPECT_SD: f64 = 0.3;
 
 /// Standard deviation of the logarithm of the evidence per view.
 const LOG_EVIDENCE_SD: f64 = 0.35;
 
 /// Log odds by the scores of its boxes below which an object is uncertain: a probability of one in four.
-const LEAST_SCORE_LOG_ODDS: f64 = -1.1;
+const MIN_SCORE_LOG_ODDS: f64 = -1.1;
 
 /// For each object, why it is uncertain, if it is.
 pub(crate) fn doubts(context: &AssociationContext, state: &State) -> Vec<Option<AssociationWarning>> {
@@ -40,7 +40,7 @@ pub(crate) fn doubts(context: &AssociationContext, state: &State) -> Vec<Option<
         usual(members.map(feature).collect(), least_sd)
     };
     let usual_of: Vec<_> = (0..state.observations.categories.len())
-        .map(|c| (of_category(c, log_radius, LEAST_SIZE_SD), of_category(c, log_aspect, LEAST_ASPECT_SD)))
+        .map(|c| (of_category(c, log_radius, MIN_SIZE_SD), of_category(c, log_aspect, MIN_ASPECT_SD)))
         .collect();
     let looks_at = |reason| f64::from(u8::from(context.options.uses(Part::Warning(reason))));
     let doubt = |(object, own): (&Object, &f64)| {
@@ -53,12 +53,12 @@ pub(crate) fn doubts(context: &AssociationContext, state: &State) -> Vec<Option<
             / LOG_EVIDENCE_SD;
         if usual_aspect.is_none()
             && looks_at(AssociationWarning::Elongated) > 0.0
-            && log_aspect(object) > LARGEST_ASPECT.ln()
+            && log_aspect(object) > MAX_ASPECT.ln()
         {
             return Some(AssociationWarning::Elongated);
         }
-        if size.hypot(length).hypot(weakness) <= LARGEST_DEVIATION {
-            let low = score_log_odds(&state.observations, object) < LEAST_SCORE_LOG_ODDS;
+        if size.hypot(length).hypot(weakness) <= MAX_DEVIATION {
+            let low = score_log_odds(&state.observations, object) < MIN_SCORE_LOG_ODDS;
             return (low && context.options.uses(Part::Warning(AssociationWarning::LowScores)))
                 .then_some(AssociationWarning::LowScores);
         }

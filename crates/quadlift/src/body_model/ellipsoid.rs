@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, SVector, Vector3};
 
-use super::{BodyModel, LARGEST_ASPECT, MeasuredShape, ShapeDifference, by_length, size_differences};
+use super::{BodyModel, MAX_ASPECT, MeasuredShape, ShapeDifference, by_length, size_differences};
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::rotation::horizontal_basis;
 use crate::optimize::normal_equations::{NormalEquations, Row};
@@ -29,7 +29,7 @@ impl EllipsoidModel {
     /// From center and shape matrix; `None` when the shape is not positive definite.
     pub(crate) fn new(center: Vector3<f64>, shape: &Matrix3<f64>) -> Option<Self> {
         let (values, axes) = symmetric_eigen3(shape)?;
-        if values[2] <= 0.0 || values[0] > values[2] * LARGEST_ASPECT * LARGEST_ASPECT {
+        if values[2] <= 0.0 || values[0] > values[2] * MAX_ASPECT * MAX_ASPECT {
             return None;
         }
         Some(Self::from_axes(center, axes, values.map(f64::sqrt)))

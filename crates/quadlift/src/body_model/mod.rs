@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, SVector, Vector3};
 use crate::optimize::normal_equations::{NormalEquations, Row};
 
 /// Largest ratio of the longest to the shortest semi-axis that a step may reach.
-pub(crate) const LARGEST_ASPECT: f64 = 1e6;
+pub(crate) const MAX_ASPECT: f64 = 1e6;
 
 /// Size and rotation of a measured box, in the object's frame.
 #[derive(Debug, Clone, Copy)]

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Rotation3, SVector, Vector3};
 
-use super::{BodyModel, LARGEST_ASPECT, MeasuredShape, ShapeDifference, by_length, size_differences};
+use super::{BodyModel, MAX_ASPECT, MeasuredShape, ShapeDifference, by_length, size_differences};
 use crate::geometry::{BodyKind, skew};
 use crate::optimize::normal_equations::{NormalEquations, Row};
 
@@ -101,7 +101,7 @@ impl BodyModel for OrientedModel {
         let turn = Rotation3::new(Vector3::new(step[3], step[4], step[5]));
         let axes = self.axes * turn.matrix();
         let semi_axes = Vector3::from_fn(|i, _| self.semi_axes[i] * step[6 + i].exp());
-        let sensible = semi_axes.min() > 0.0 && semi_axes.max() < semi_axes.min() * LARGEST_ASPECT;
+        let sensible = semi_axes.min() > 0.0 && semi_axes.max() < semi_axes.min() * MAX_ASPECT;
         sensible.then(|| Self { center: self.center + step.fixed_rows::<3>(0), axes, semi_axes, kind: self.kind })
     }
 

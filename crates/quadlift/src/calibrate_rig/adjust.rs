@@ -9,7 +9,7 @@ use crate::parallel::map_indices;
 /// First damping, its factor, and when no step helps any more.
 const DAMPING: f64 = 1e-4;
 const DAMPING_FACTOR: f64 = 5.0;
-const MOST_DAMPING: f64 = 1e8;
+const MAX_DAMPING: f64 = 1e8;
 
 /// Decrease of the cost, relative and absolute, below which the search has ended.
 const SMALL_DECREASE: f64 = 1e-7;
@@ -224,7 +224,7 @@ pub(super) fn adjust(problem: &Problem, start: State, steps: usize) -> Option<Ad
     for _ in 0..steps {
         let Some((cholesky, right, inverses)) = reduced(&now, damping) else {
             damping *= DAMPING_FACTOR * DAMPING_FACTOR;
-            if damping > MOST_DAMPING {
+            if damping > MAX_DAMPING {
                 break;
             }
             continue;
@@ -251,7 +251,7 @@ pub(super) fn adjust(problem: &Problem, start: State, steps: usize) -> Option<Ad
             }
             None => {
                 damping *= DAMPING_FACTOR * DAMPING_FACTOR;
-                if damping > MOST_DAMPING {
+                if damping > MAX_DAMPING {
                     break;
                 }
             }

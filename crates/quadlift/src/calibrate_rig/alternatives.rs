@@ -12,7 +12,7 @@ use crate::geometry::rigid::Pose;
 use crate::parallel::map_indices;
 
 /// Sites on which solutions are compared at most, evenly spread.
-const MOST_SITES: usize = 80;
+const MAX_SITES: usize = 80;
 
 /// Costs that differ by less do not decide: so much, and this share of the cost. Errors of boxes last longer than a time step.
 const CLEAR: f64 = 20.0;
@@ -55,7 +55,7 @@ fn subtree(tree: &Tree, pairs: &[Pair], camera: usize) -> Vec<usize> {
 
 /// A solution on some of its sites.
 fn sample(solution: &Solution) -> (Problem, State) {
-    let step = solution.problem.sites.len().div_ceil(MOST_SITES).max(1);
+    let step = solution.problem.sites.len().div_ceil(MAX_SITES).max(1);
     let mut problem = solution.problem.clone();
     problem.sites = problem.sites.into_iter().step_by(step).collect();
     let mut state = solution.state.clone();

@@ -13,7 +13,7 @@ use crate::geometry::rigid::Pose;
 use crate::parallel::map_indices;
 
 /// Bodies that two cameras must share.
-pub(super) const FEWEST_SHARED: usize = 5;
+pub(super) const MIN_SHARED: usize = 5;
 
 /// Share of them that a motion must explain ...
 const INLIER_SHARE: f64 = 0.5;
@@ -50,12 +50,12 @@ pub(super) fn pairs(prepared: &Prepared, seed: u64) -> Vec<Pair> {
         let candidates = prepared.candidates(a, b, 0);
         let shared = shared(&candidates);
         let mut poses = relative_poses(&candidates, seed);
-        let least = (INLIER_SHARE * shared as f64).max(FEWEST_SHARED as f64);
+        let least = (INLIER_SHARE * shared as f64).max(MIN_SHARED as f64);
         poses.retain(|pose| pose.inliers.len() as f64 >= least);
         let score = poses.first().map_or(0.0, |best| best.score / shared as f64);
         let status = if !poses.is_empty() && explains(prepared, cameras, score, seed) {
             CameraStatus::Ok
-        } else if shared < 2 * FEWEST_SHARED {
+        } else if shared < 2 * MIN_SHARED {
             CameraStatus::NotConnected
         } else if score > WELL_EXPLAINED || (0..2).any(|side| are_on_a_line(&candidates, side)) {
             CameraStatus::Undetermined

@@ -8,10 +8,10 @@ use super::{CalibratedCamera, Contradiction};
 use crate::optimize::median::median;
 
 /// A camera whose edges are off by more than this many times as much as those of the others does not see what they see.
-const MOST_NOISE_RATIO: f64 = 3.0;
+const MAX_NOISE_RATIO: f64 = 3.0;
 
 /// Standard deviation of edges, in half sizes, beyond which boxes say nothing.
-const MOST_EDGE_SD: f64 = 0.5;
+const MAX_EDGE_SD: f64 = 0.5;
 
 /// A focal length is wrong if the one that fits best, less so many standard deviations, differs from it by this (logarithm) more than
 /// those of the others do.
@@ -61,15 +61,15 @@ pub(super) fn contradictions(solution: &Solution, answers: &[CalibratedCamera]) 
         let (log, sd) = of_camera(camera);
         log.abs() - sds * sd
     };
-    if over_others(noisiest) > MOST_NOISE_RATIO {
+    if over_others(noisiest) > MAX_NOISE_RATIO {
         // A focal length far from the right one leaves noise, too.
-        let contradiction = match excess(noisiest) > least && noise(noisiest) <= MOST_EDGE_SD {
+        let contradiction = match excess(noisiest) > least && noise(noisiest) <= MAX_EDGE_SD {
             true => Contradiction::FocalLength(of_camera(noisiest).0.exp()),
             false => Contradiction::Noise(over_others(noisiest)),
         };
         return vec![(noisiest, contradiction)];
     }
-    if let Some(off) = worst(&noise).filter(|&camera| noise(camera) > MOST_EDGE_SD) {
+    if let Some(off) = worst(&noise).filter(|&camera| noise(camera) > MAX_EDGE_SD) {
         return vec![(off, Contradiction::OtherBodies)];
     }
     let wrong = cameras.iter().copied().filter(|&camera| answers[camera].status.has_pose() && excess(camera) > least);

@@ -31,7 +31,7 @@ use crate::geometry::{BoundingBox, CamFromWorld, Intrinsics};
 use crate::solve::SizePrior;
 
 /// Better solutions that are taken up, one after another.
-const MOST_BETTER: usize = 3;
+const MAX_BETTER: usize = 3;
 
 /// A fixed camera.
 #[derive(Debug, Clone, PartialEq)]
@@ -304,7 +304,7 @@ fn solved(
     let mut solution = solution(prepared, tree, &tree.poses, options)?;
     refine(prepared, &mut solution);
     let mut found = alternatives(prepared, pairs, tree, &solution);
-    for _ in 0..MOST_BETTER {
+    for _ in 0..MAX_BETTER {
         let Some((poses, up)) = found.better.take() else { break };
         let mut next = solution.clone();
         next.restart(prepared, poses, up);

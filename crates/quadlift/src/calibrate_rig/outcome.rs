@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Matrix3, Matrix6, Unit, Vector3};
 
 use super::adjust::{Layout, Uncertainty, uncertainty};
-use super::assemble::{FEWEST_SHARED, Pair, Tree};
+use super::assemble::{MIN_SHARED, Pair, Tree};
 use super::predicted::Predicted;
 use super::prepared::Prepared;
 use super::problem::Unknown;
@@ -18,11 +18,11 @@ use crate::geometry::rigid::Pose;
 const KNOWN_UP_SD: f64 = 0.035;
 
 /// A pose with larger standard deviations in any direction is none: radians, and shares of the distance of the bodies.
-const MOST_ROTATION_SD: f64 = 0.05;
-const MOST_POSITION_SD: f64 = 0.1;
+const MAX_ROTATION_SD: f64 = 0.05;
+const MAX_POSITION_SD: f64 = 0.1;
 
 /// Edges that are off by more than this share of the half size of their boxes, in the middle, are not those of the same body.
-const MOST_OFF: f64 = 0.3;
+const MAX_OFF: f64 = 0.3;
 
 /// Nothing is calibrated but what was given.
 pub(super) fn nothing(rig: &Rig, pairs: &[Pair], contradictions: &[Option<Contradiction>]) -> Calibration {
@@ -182,7 +182,7 @@ fn distinct(solution: &Solution, camera: usize) -> usize {
     for (site, place) in solution.problem.sites.iter().zip(&solution.state.places) {
         let near = solution.state.shapes[site.shape].log_height.exp();
         let sees = site.observations.iter().any(|observation| observation.camera == camera);
-        if sees && kept.len() < FEWEST_SHARED && kept.iter().all(|other| (other - place).norm() > near) {
+        if sees && kept.len() < MIN_SHARED && kept.iter().all(|other| (other - place).norm() > near) {
             kept.push(*place);
         }
     }
@@ -255,14 +255,14 @@ pub(super) fn calibration(
         let covariance = found.as_ref().and_then(|found| of_camera(found, &found.layout, index, inflation));
         let depth = median(&mut of_camera_seen.depths.clone()).unwrap_or(0.0);
         let determined = |c: &Matrix6<f64>| {
-            largest(c, 0) < MOST_ROTATION_SD
-                && largest(c, 3) < MOST_POSITION_SD * depth
+            largest(c, 0) < MAX_ROTATION_SD
+                && largest(c, 3) < MAX_POSITION_SD * depth
                 && c.iter().all(|x| x.is_finite())
         };
         answer.status = match &covariance {
-            _ if median(&mut of_camera_seen.off.clone()).is_none_or(|off| off > MOST_OFF) => CameraStatus::Inconsistent,
+            _ if median(&mut of_camera_seen.off.clone()).is_none_or(|off| off > MAX_OFF) => CameraStatus::Inconsistent,
             _ if Some(index) == tree.reference => CameraStatus::Ok,
-            _ if distinct(solution, index) < FEWEST_SHARED => CameraStatus::Undetermined,
+            _ if distinct(solution, index) < MIN_SHARED => CameraStatus::Undetermined,
             _ if ambiguous[index] => CameraStatus::Ambiguous,
             Some(c) if determined(c) => CameraStatus::Ok,
             _ => CameraStatus::Undetermined,

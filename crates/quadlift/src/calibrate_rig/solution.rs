@@ -22,21 +22,21 @@ const FIRST_LEVELS_BALL: [f64; 2] = [0.05, 0.15];
 const PRIOR_RESIDUALS: f64 = 10.0;
 
 /// Levels stay between these.
-const LEAST_LEVEL: f64 = 0.002;
-const MOST_LEVEL: f64 = 1.0;
+const MIN_LEVEL: f64 = 0.002;
+const MAX_LEVEL: f64 = 1.0;
 
 /// Of the heights at which bodies walk, relative to their half height: the first level, and its range.
 const FIRST_STEP_LEVEL: f64 = 0.3;
 const USUAL_STEP_LEVEL: f64 = 0.05;
-const LEAST_STEP_LEVEL: f64 = 0.02;
-const MOST_STEP_LEVEL: f64 = 1.0;
+const MIN_STEP_LEVEL: f64 = 0.02;
+const MAX_STEP_LEVEL: f64 = 1.0;
 
 /// Bodies at time steps that are used at most, evenly spread.
-const MOST_SITES: usize = 2000;
+const MAX_SITES: usize = 2000;
 
 /// Bodies at time steps from which an object has a shape of its own, and how many objects have one.
 const OWN_SHAPE: usize = 8;
-const MOST_SHAPES: usize = 40;
+const MAX_SHAPES: usize = 40;
 
 /// Relative depths from sizes once the vertical is known.
 const REFINED_DEPTH_SD: f64 = 0.06;
@@ -128,7 +128,7 @@ impl Sites {
             .map(|(&(category, thing), &count)| (count, thing, category))
             .collect();
         own.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
-        own.truncate(MOST_SHAPES);
+        own.truncate(MAX_SHAPES);
         let mut shape_of: BTreeMap<(usize, Option<Thing>), usize> = BTreeMap::new();
         let mut shapes: Vec<ShapePrior> = Vec::new();
         let mut sites = Vec::new();
@@ -167,7 +167,7 @@ fn problem(
     options: &CalibrateOptions,
 ) -> Option<(Problem, State, RigScale)> {
     let rig = prepared.rig;
-    let step = found.len().div_ceil(MOST_SITES).max(1);
+    let step = found.len().div_ceil(MAX_SITES).max(1);
     let used: Vec<&Group> = found.iter().step_by(step).collect();
     let Sites { mut shapes, sizes, sites } = Sites::of(prepared, &used);
     if sites.is_empty() {
@@ -306,7 +306,7 @@ fn regroup(prepared: &Prepared, solution: &mut Solution) {
     let poses: Vec<Option<Pose>> =
         solution.placed.iter().zip(&solution.state.poses).map(|(&placed, pose)| placed.then_some(*pose)).collect();
     let found = groups(prepared, &poses, &bodies);
-    let step = found.len().div_ceil(MOST_SITES).max(1);
+    let step = found.len().div_ceil(MAX_SITES).max(1);
     let mut sites = Vec::new();
     let mut places = Vec::new();
     for group in found.iter().step_by(step).filter(|group| matches!(group.thing, Thing::Category(_))) {
@@ -359,13 +359,13 @@ fn update_levels(prepared: &Prepared, problem: &mut Problem, of_round: &Uncertai
     };
     for ((category, level), sum) in sums {
         let of_category = &mut problem.levels[category].0[level];
-        *of_category = better(*of_category, first(category)[level], sum).clamp(LEAST_LEVEL, MOST_LEVEL);
+        *of_category = better(*of_category, first(category)[level], sum).clamp(MIN_LEVEL, MAX_LEVEL);
     }
     let all = of_cameras.iter().fold((0.0, 0.0), |sum, other| (sum.0 + other.0, sum.1 + other.1));
     for (ratio, (squares, free)) in problem.noise_ratios.iter_mut().zip(of_cameras) {
         *ratio *= ((squares * all.1 / all.0 + PRIOR_RESIDUALS) / (free + PRIOR_RESIDUALS)).sqrt();
     }
-    problem.step_level = better(problem.step_level, USUAL_STEP_LEVEL, steps).clamp(LEAST_STEP_LEVEL, MOST_STEP_LEVEL);
+    problem.step_level = better(problem.step_level, USUAL_STEP_LEVEL, steps).clamp(MIN_STEP_LEVEL, MAX_STEP_LEVEL);
 }
 
 /// Mean of the weighted square of a Gaussian residual: the weights of the Student t distribution take a little off.

@@ -1,7 +1,7 @@
 //! How well the boxes of a scene agree, and how much better they do after a correction.
 
 /// Minimum number of boxes of a sample.
-pub(crate) const FEWEST_BOXES: usize = 8;
+pub(crate) const MIN_BOXES: usize = 8;
 
 /// A correction explains a disagreement when it makes the misses smaller by this factor (a logarithm: 1.28 times)...
 const EXPLAINS: f64 = 0.25;
@@ -69,7 +69,7 @@ impl Improvement {
         let [wrong_before, wrong_after] = [self.before, self.after].map(|agreement| 1.0 - agreement.share);
         let explains_enough = wrong_after <= UNEXPLAINED * wrong_before + FEW_WRONG
             || self.after.miss.ln() <= self.before.miss.ln() - EXPLAINS;
-        if self.after.miss > AGREES || !explains_enough || boxes < FEWEST_BOXES {
+        if self.after.miss > AGREES || !explains_enough || boxes < MIN_BOXES {
             return false;
         }
         if boxes >= ENOUGH_BOXES && objects >= ENOUGH_OBJECTS {

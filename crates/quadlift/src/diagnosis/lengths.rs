@@ -10,7 +10,7 @@ use crate::scene::{Detection, Scene};
 use crate::solve::CategoryPriors;
 
 /// Minimum number of objects with a prior.
-const FEWEST_OBJECTS: usize = 3;
+const MIN_OBJECTS: usize = 3;
 
 /// Sizes that differ by this factor from the prior are in another unit: no prior is that inaccurate.
 const OTHER_UNIT: f64 = 2.5;
@@ -33,7 +33,7 @@ pub(crate) fn wrong_lengths(
         let half_extent = size.map(|size| 0.5 * size.mean.iter().product::<f64>().cbrt());
         known[object as usize] = known[object as usize].or(half_extent);
     }
-    if known.iter().flatten().count() < FEWEST_OBJECTS {
+    if known.iter().flatten().count() < MIN_OBJECTS {
         return None;
     }
     let has_prior = |d: &Detection| is_used(d) && d.object_index.is_some_and(|object| known[object as usize].is_some());
@@ -44,7 +44,7 @@ pub(crate) fn wrong_lengths(
         .zip(&sample.object_indices)
         .filter_map(|(boxes, &object)| Some((known[object]? / size(&sample, boxes)?).ln()));
     let mut factors: Vec<f64> = factors.filter(|factor| factor.is_finite()).collect();
-    if factors.len() < FEWEST_OBJECTS {
+    if factors.len() < MIN_OBJECTS {
         return None;
     }
     let middle = median(&mut factors)?;

@@ -4,13 +4,13 @@ use nalgebra::{Vector2, Vector3};
 
 use super::agreement::{Agreement, Improvement};
 use super::correction::Correction;
-use super::rays::{LARGEST_MISS, Ray, meeting_point, misses_of};
+use super::rays::{MAX_MISS, Ray, meeting_point, misses_of};
 use super::sample::{Sample, Seen};
 use crate::geometry::BoundingBox;
 use crate::optimize::median::median;
 
 /// Reprojection errors below this are as good as none: pixels are rounded, and a box's center is not quite the object's.
-const SMALLEST_MISS: f64 = 0.003;
+const MIN_MISS: f64 = 0.003;
 
 /// A box that misses by less than this many half sizes agrees with the others of its object.
 pub(crate) const AGREES: f64 = 0.5;
@@ -24,7 +24,7 @@ const OUTLIER_SHARE: f64 = 0.3;
 /// The misses of all boxes of a sample, object by object.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ReprojectionErrors {
-    /// In half sizes, from 0 to [`LARGEST_MISS`].
+    /// In half sizes, from 0 to [`MAX_MISS`].
     values: Vec<f64>,
     /// Where each object's misses end.
     ends: Vec<usize>,
@@ -76,22 +76,22 @@ impl ReprojectionErrors {
 }
 
 /// Half the negative log likelihood of a box that misses by `miss`, up to a constant: Student's t distribution in the
-/// plane with two degrees of freedom, or an outlier, which is uniform up to [`LARGEST_MISS`].
+/// plane with two degrees of freedom, or an outlier, which is uniform up to [`MAX_MISS`].
 fn cost(miss: f64, scale: f64) -> f64 {
     let own = (scale * (1.0 + 0.5 * (miss / scale).powi(2))).powi(-2);
-    let other = 2.0 / LARGEST_MISS.powi(2);
+    let other = 2.0 / MAX_MISS.powi(2);
     -0.5 * ((1.0 - OUTLIER_SHARE) * own + OUTLIER_SHARE * other).ln()
 }
 
-/// The scale of the misses by maximum likelihood; no smaller than [`SMALLEST_MISS`].
+/// The scale of the misses by maximum likelihood; no smaller than [`MIN_MISS`].
 fn scale_of(misses: &[f64]) -> f64 {
     let mut sorted = misses.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let mut scale = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0).max(SMALLEST_MISS);
+    let mut scale = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0).max(MIN_MISS);
     for _ in 0..20 {
         // Expectation and maximization: weights 4 / (2 + m^2 / s^2) of two residuals each.
         let sum: f64 = misses.iter().map(|m| m * m * 4.0 / (2.0 + (m / scale).powi(2))).sum();
-        scale = (sum / (2.0 * misses.len().max(1) as f64)).sqrt().max(SMALLEST_MISS);
+        scale = (sum / (2.0 * misses.len().max(1) as f64)).sqrt().max(MIN_MISS);
     }
     scale
 }
@@ -117,7 +117,7 @@ pub(crate) fn misses(
         let rays: Vec<Ray> = object.iter().filter_map(ray).collect();
         let start = values.len();
         // Boxes without a place after the correction speak against it.
-        values.extend(std::iter::repeat_n(LARGEST_MISS, object.len() - rays.len()));
+        values.extend(std::iter::repeat_n(MAX_MISS, object.len() - rays.len()));
         values.extend(misses_of(&rays));
         ends.push(values.len());
         if let Some(given) = given {

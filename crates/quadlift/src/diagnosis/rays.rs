@@ -19,13 +19,13 @@ const CONTESTED: f64 = 0.25;
 const CONTESTED_MISS: f64 = 0.2;
 
 /// ...from so many rays on...
-const FEWEST_FOR_PAIRS: usize = 4;
+const MIN_FOR_PAIRS: usize = 4;
 
 /// ...so many of them, at most.
-const MOST_PAIRS: usize = 20;
+const MAX_PAIRS: usize = 20;
 
 /// Reprojection errors beyond this, in half sizes, are equally bad: the box shows something else.
-pub(crate) const LARGEST_MISS: f64 = 3.0;
+pub(crate) const MAX_MISS: f64 = 3.0;
 
 /// A ray through the center of a box.
 #[derive(Debug, Clone, Copy)]
@@ -80,24 +80,24 @@ impl Ray {
     pub(crate) fn miss(&self, point: &Vector3<f64>) -> f64 {
         let p = self.rotation * point + self.translation;
         if p.z.is_nan() || p.z <= 0.0 {
-            return LARGEST_MISS;
+            return MAX_MISS;
         }
-        ((p.xy() / p.z - self.direction).norm() / self.half_size).min(LARGEST_MISS)
+        ((p.xy() / p.z - self.direction).norm() / self.half_size).min(MAX_MISS)
     }
 }
 
 /// The miss of each ray by the point that most of them agree with, as large as if the point had not been fitted to them.
 pub(crate) fn misses_of(rays: &[Ray]) -> Vec<f64> {
-    let Some(point) = meeting_point(rays) else { return vec![LARGEST_MISS; rays.len()] };
+    let Some(point) = meeting_point(rays) else { return vec![MAX_MISS; rays.len()] };
     let count = 2.0 * rays.len() as f64;
     let dof = (count / (count - 3.0).max(1.0)).sqrt();
-    rays.iter().map(|ray| (ray.miss(&point) * dof).min(LARGEST_MISS)).collect()
+    rays.iter().map(|ray| (ray.miss(&point) * dof).min(MAX_MISS)).collect()
 }
 
 /// The point where most of the rays meet; `None` if they do not meet.
 pub(crate) fn meeting_point(rays: &[Ray]) -> Option<Vector3<f64>> {
     let point = refined(rays, least_squares(rays, &vec![1.0; rays.len()])?)?;
-    let contested = rays.len() >= FEWEST_FOR_PAIRS && total_cost(rays, &point) > CONTESTED * rays.len() as f64;
+    let contested = rays.len() >= MIN_FOR_PAIRS && total_cost(rays, &point) > CONTESTED * rays.len() as f64;
     Some(if contested { best_of_pairs(rays, point) } else { point })
 }
 
@@ -153,7 +153,7 @@ fn best_of_pairs(rays: &[Ray], given: Vector3<f64>) -> Vector3<f64> {
     // Distant pairs first: their rays meet at larger angles.
     let mut pairs: Vec<(usize, usize)> = pairs.collect();
     pairs.reverse();
-    let stride = pairs.len().div_ceil(MOST_PAIRS);
+    let stride = pairs.len().div_ceil(MAX_PAIRS);
     for &(a, b) in pairs.iter().step_by(stride) {
         let Some(point) = least_squares(&[rays[a], rays[b]], &[1.0; 2]) else { continue };
         let cost = total_cost(rays, &point);

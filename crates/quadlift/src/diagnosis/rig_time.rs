@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use super::agreement::{Agreement, Improvement};
 use super::cause::{Cause, CauseName};
 use super::misses::{AGREES, ReprojectionErrors, corrected_ray, point_of, size};
-use super::rays::LARGEST_MISS;
+use super::rays::MAX_MISS;
 use super::sample::{Sample, Seen};
 use crate::scene::{Detection, RigCamera, Scene};
 
@@ -115,7 +115,7 @@ impl OfCamera<'_> {
                 let misses = OFFSETS.map(|steps| {
                     let met = (0..places.len()).filter(|&k| !by_object || k == own);
                     let met = met.filter_map(|k| self.miss(seen, steps, places[k].as_ref()?));
-                    met.fold(LARGEST_MISS, f64::min)
+                    met.fold(MAX_MISS, f64::min)
                 });
                 // What only this camera sees.
                 if misses.iter().all(|miss| *miss > AGREES) {

@@ -7,7 +7,7 @@ use crate::geometry::BoundingBox;
 use crate::scene::{Detection, Scene};
 
 /// Maximum number of boxes: enough for the check, and few enough to be fast.
-const MOST_BOXES: usize = 300;
+const MAX_BOXES: usize = 300;
 
 /// Distance from the image border, in pixels, within which a box counts as cut off: its center is not the object's.
 const BORDER_PX: f64 = 2.0;
@@ -41,7 +41,7 @@ pub(crate) struct Sample<'a> {
 impl<'a> Sample<'a> {
     /// Samples objects and views evenly.
     pub(crate) fn new(scene: &'a Scene, is_used: impl Fn(&Detection) -> bool) -> Self {
-        Self::with_at_most(scene, is_used, MOST_BOXES)
+        Self::with_at_most(scene, is_used, MAX_BOXES)
     }
 
     /// A sample of another size.
@@ -98,7 +98,7 @@ impl<'a> Sample<'a> {
 pub(crate) fn loose_boxes(scene: &Scene, is_used: impl Fn(&Detection) -> bool) -> Vec<Seen> {
     let loose = scene.detections.iter().filter(|d| d.object_index.is_none() && is_used(d));
     let seen = loose.filter_map(|d| Some(Seen { frame: d.frame_index, bounding_box: measured_box(scene, d, true)? }));
-    seen.take(MOST_BOXES).collect()
+    seen.take(MAX_BOXES).collect()
 }
 
 /// The box of a detection, or the one around its ellipse; with `only_whole` only if the image border does not cut it.

@@ -8,7 +8,7 @@ use super::cause::{Cause, CauseName};
 use super::correction::Correction;
 use super::hypotheses::discrete;
 use super::misses::{AGREES, corrected_ray, point_of};
-use super::rays::{LARGEST_MISS, Ray, meeting_point};
+use super::rays::{MAX_MISS, Ray, meeting_point};
 use super::sample::{Sample, Seen};
 use crate::tuning::CLEAR;
 
@@ -55,7 +55,7 @@ pub(crate) fn some_frames(sample: &Sample, before: Agreement) -> Option<Cause> {
         let rays: Vec<Option<Ray>> = object.iter().map(ray).collect();
         let point = meeting_point(&rays.iter().flatten().copied().collect::<Vec<_>>());
         for (seen, ray) in object.iter().zip(&rays) {
-            let miss = ray.zip(point).map_or(LARGEST_MISS, |(ray, point)| ray.miss(&point));
+            let miss = ray.zip(point).map_or(MAX_MISS, |(ray, point)| ray.miss(&point));
             let count = &mut counts[seen.frame as usize];
             count.boxes += 1.0;
             count.wrong += f64::from(miss > AGREES);

@@ -16,10 +16,10 @@ use crate::parallel::map_indices;
 const MOVED: f64 = 0.3;
 
 /// Minimum number of frames that repeat a pose although something moved.
-const FEWEST_REPEATED: usize = 3;
+const MIN_REPEATED: usize = 3;
 
 /// Minimum number of frames to detect a jump.
-const FEWEST_FRAMES: usize = 8;
+const MIN_FRAMES: usize = 8;
 
 /// Grid of jump positions.
 const PLACES: usize = 12;
@@ -66,7 +66,7 @@ pub(crate) fn repeated_poses(sample: &Sample) -> Option<f64> {
         let middle = (shifts.len() - 1) / 2;
         moved += usize::from(*shifts.select_nth_unstable_by(middle, f64::total_cmp).1 > MOVED);
     }
-    (moved >= FEWEST_REPEATED).then(|| moved as f64 / seen_in.iter().filter(|seen| **seen).count() as f64)
+    (moved >= MIN_REPEATED).then(|| moved as f64 / seen_in.iter().filter(|seen| **seen).count() as f64)
 }
 
 /// A trajectory whose scale differs from a frame on.
@@ -84,7 +84,7 @@ pub(crate) fn scale_jump(sample: &Sample, given: &ReprojectionErrors) -> Option<
     let mut used: Vec<u32> = sample.objects.iter().flatten().map(|seen| seen.frame).collect();
     used.sort_unstable();
     used.dedup();
-    if used.len() < FEWEST_FRAMES {
+    if used.len() < MIN_FRAMES {
         return None;
     }
     let try_one = |place: usize| {

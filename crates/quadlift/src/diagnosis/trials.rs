@@ -15,13 +15,13 @@ use crate::parallel::map_indices;
 use crate::scene::{Detection, Scene};
 
 /// Maximum number of frames of the part that is associated again.
-const MOST_FRAMES: usize = 20;
+const MAX_FRAMES: usize = 20;
 
 /// Maximum stride of frames of a longer scene: views that are far apart do not show the same objects.
-const LONGEST_STRIDE: usize = 3;
+const MAX_STRIDE: usize = 3;
 
 /// Maximum number of boxes of that part: the largest ones of each frame.
-const MOST_BOXES: usize = 200;
+const MAX_BOXES: usize = 200;
 
 /// How often the distance between two numbers of a family is halved.
 const HALVINGS: usize = 3;
@@ -54,19 +54,19 @@ impl<'a> Tried<'a> {
         let used = scene.detections.iter().filter(|d| is_used(d));
         used.for_each(|d| counts[d.frame_index as usize] += 1);
         let with_boxes: Vec<usize> = (0..counts.len()).filter(|&k| counts[k] > 0).collect();
-        let stride = with_boxes.len().div_ceil(MOST_FRAMES).clamp(1, LONGEST_STRIDE);
+        let stride = with_boxes.len().div_ceil(MAX_FRAMES).clamp(1, MAX_STRIDE);
         let strided: Vec<usize> = with_boxes.into_iter().step_by(stride).collect();
         // The part of the trajectory with most boxes.
-        let in_window = |start: usize| strided[start..].iter().take(MOST_FRAMES).map(|&k| counts[k]).sum::<usize>();
-        let starts = 0..strided.len().saturating_sub(MOST_FRAMES) + 1;
+        let in_window = |start: usize| strided[start..].iter().take(MAX_FRAMES).map(|&k| counts[k]).sum::<usize>();
+        let starts = 0..strided.len().saturating_sub(MAX_FRAMES) + 1;
         let start = starts.rev().max_by_key(|&start| in_window(start)).unwrap_or(0);
         let mut frames = vec![false; scene.frames.len()];
-        let window = &strided[start..strided.len().min(start + MOST_FRAMES)];
+        let window = &strided[start..strided.len().min(start + MAX_FRAMES)];
         window.iter().for_each(|&frame| frames[frame] = true);
         Self {
             scene,
             frames,
-            boxes_in_frame: MOST_BOXES.div_ceil(window.len().max(1)),
+            boxes_in_frame: MAX_BOXES.div_ceil(window.len().max(1)),
             source: scene.source_index(options.source.as_deref()).unwrap_or_default(),
             options: AssociateOptions { thorough: false, ..options.clone() },
         }

@@ -7,10 +7,10 @@ use super::correction::Correction;
 use crate::scene::Scene;
 
 /// Maximum number of frames.
-const MOST_FRAMES: usize = 200;
+const MAX_FRAMES: usize = 200;
 
 /// Minimum number of frames.
-const FEWEST_FRAMES: usize = 5;
+const MIN_FRAMES: usize = 5;
 
 /// Cameras whose x axis rises by less than this (a sine: 20 degrees) are upright.
 const LEVEL: f64 = 0.34;
@@ -40,7 +40,7 @@ const IS_AXIS: f64 = 0.985;
 /// whether it is certain: all cameras may be mounted upside down.
 pub(crate) fn corrected_up(scene: &Scene) -> Option<(Correction, bool)> {
     let up = scene.up?;
-    let stride = scene.frames.len().div_ceil(MOST_FRAMES).max(1);
+    let stride = scene.frames.len().div_ceil(MAX_FRAMES).max(1);
     let frames = scene.frames.iter().step_by(stride);
     let cameras: Vec<Matrix3<f64>> = frames
         .filter_map(|frame| CameraParts::from_projection(&frame.projection))
@@ -79,7 +79,7 @@ fn in_camera(camera: &Matrix3<f64>, direction: &Vector3<f64>) -> [f64; 3] {
 
 /// The world direction in which nearly all cameras are upright; `None` if there is none or if it is ambiguous.
 fn upright_direction(cameras: &[Matrix3<f64>]) -> Option<Vector3<f64>> {
-    if cameras.len() < FEWEST_FRAMES {
+    if cameras.len() < MIN_FRAMES {
         return None;
     }
     let count = cameras.len() as f64;

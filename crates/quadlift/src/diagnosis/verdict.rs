@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::agreement::{Agreement, FEWEST_BOXES};
+use super::agreement::{Agreement, MIN_BOXES};
 use super::cause::Cause;
 use super::sample::Sample;
 use super::search::{Explanation, Search};
@@ -19,7 +19,7 @@ const INCONSISTENT_SHARE: f64 = 0.3;
 const NEGLIGIBLE_MISS: f64 = 0.005;
 
 /// Maximum number of reported explanations.
-const MOST_CAUSES: usize = 3;
+const MAX_CAUSES: usize = 3;
 
 /// The result of the self-check.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,11 +63,11 @@ pub(crate) fn of_search(search: &Search, sample: &Sample) -> Diagnosis {
         let mut causes: Vec<Cause> = found.map(|e| Cause::new(e.correction, before, e.gain.after)).collect();
         let mut named = BTreeSet::new();
         causes.retain(|cause| named.insert(cause.name));
-        causes.truncate(MOST_CAUSES);
+        causes.truncate(MAX_CAUSES);
         causes
     };
     let explained = if before.miss > NEGLIGIBLE_MISS { find(&|e| e.gain.explains(boxes, objects)) } else { Vec::new() };
-    let disagrees = boxes >= FEWEST_BOXES && before.miss > INCONSISTENT_MISS && before.share < INCONSISTENT_SHARE;
+    let disagrees = boxes >= MIN_BOXES && before.miss > INCONSISTENT_MISS && before.share < INCONSISTENT_SHARE;
     if !explained.is_empty() || disagrees {
         return Diagnosis { consistent: false, agreement: Some(before), causes: explained };
     }

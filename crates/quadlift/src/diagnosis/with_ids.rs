@@ -24,7 +24,7 @@ const CLEARLY_LESS: f64 = 0.5;
 const MANY_REPEATED: f64 = 0.2;
 
 /// Fraction of these frames above which other explanations are discarded.
-const MOST_REPEATED: f64 = 0.5;
+const MAX_REPEATED: f64 = 0.5;
 
 /// With fewer agreeing boxes than this the frames are compared with each other.
 const SOME_WRONG: f64 = 0.95;
@@ -79,7 +79,7 @@ pub(crate) fn of_boxes(scene: &Scene, is_used: impl Fn(&Detection) -> bool) -> D
         Diagnosis { consistent, agreement: Some(before), causes: vec![cause] }
     };
     if let Some(share) = trajectory::repeated_poses(&sample)
-        && (found.causes.is_empty() || share > MOST_REPEATED)
+        && (found.causes.is_empty() || share > MAX_REPEATED)
     {
         let consistent = found.consistent && share < MANY_REPEATED;
         return without_correction(consistent, CauseName::DuplicatePoses, Some(share), before);

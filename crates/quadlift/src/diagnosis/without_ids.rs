@@ -4,7 +4,7 @@
 //! common mistakes are undone one by one and a part of the scene is associated again; the mistake whose correction
 //! yields much more evidence is the cause.
 
-use super::agreement::{Agreement, FEWEST_BOXES};
+use super::agreement::{Agreement, MIN_BOXES};
 use super::cause::Cause;
 use super::correction::{BoxFormat, Correction};
 use super::hypotheses::{FAMILIES, discrete};
@@ -81,7 +81,7 @@ fn with_hypotheses(
         return Ok(found);
     }
     let used = scene.detections.iter().filter(|d| is_used(d)).count();
-    if is_convincing(association, used, found.agreement) || used < FEWEST_BOXES {
+    if is_convincing(association, used, found.agreement) || used < MIN_BOXES {
         return Ok(found);
     }
     let tried = Tried::new(scene, &is_used, options);

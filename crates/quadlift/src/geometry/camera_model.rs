@@ -57,7 +57,7 @@ const TABLE: [(CameraModel, &str, &[&str]); 18] = [
 ];
 
 /// Most parameters of a model.
-pub(super) const MOST_PARAMETERS: usize = 16;
+pub(super) const MAX_PARAMETERS: usize = 16;
 
 impl CameraModel {
     /// All models, in the order of their numbers.
@@ -116,7 +116,7 @@ mod tests {
             assert_eq!(model as usize, index);
             assert_eq!(CameraModel::from_id(index as i32), Some(model));
             assert_eq!(CameraModel::from_name(model.name()), Some(model));
-            assert!(model.parameter_names().len() <= MOST_PARAMETERS);
+            assert!(model.parameter_names().len() <= MAX_PARAMETERS);
         }
         assert!(CameraModel::from_id(-1).is_none() && CameraModel::from_id(18).is_none());
         assert!(CameraModel::from_name("pinhole").is_none());

@@ -41,7 +41,7 @@ pub use reach::ellipsoid_of_same_reach;
 pub(crate) use rotation::skew;
 pub use rotation::{quaternion_from_rotation, rotation_defect, rotation_from_quaternion, rotation_vector};
 pub use similarity::Similarity;
-pub use tangent_lines::{MOST_SUPPORT_DIRECTIONS, OutlineEnd, SUPPORT_DIRECTIONS, TangentLine, TangentLines};
+pub use tangent_lines::{MAX_SUPPORT_DIRECTIONS, OutlineEnd, SUPPORT_DIRECTIONS, TangentLine, TangentLines};
 pub use vech::vech3;
 pub(crate) use vech::{VECH3, VECH4};
 pub use visible_surface::visible_depth;

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Quaternion, Rotation3, Unit, UnitQuaternion, Vector3};
 
 /// Iterations after which a singular value decomposition is given up.
-const MOST_SVD_STEPS: usize = 200;
+const MAX_SVD_STEPS: usize = 200;
 
 /// The rotation of a unit quaternion `[w, x, y, z]`.
 ///
@@ -63,7 +63,7 @@ pub(crate) fn nearest_rotation(m: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     if !m.iter().all(|x| x.is_finite()) {
         return None;
     }
-    let svd = m.try_svd(true, true, f64::EPSILON, MOST_SVD_STEPS)?;
+    let svd = m.try_svd(true, true, f64::EPSILON, MAX_SVD_STEPS)?;
     let (u, v_t) = (svd.u?, svd.v_t?);
     let sign = (u * v_t).determinant().signum();
     Some(u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t)

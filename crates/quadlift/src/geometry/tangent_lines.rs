@@ -10,7 +10,7 @@ use super::oriented_box::OrientedBox;
 pub const SUPPORT_DIRECTIONS: usize = 8;
 
 /// Most directions that [`TangentLines`] has room for.
-pub const MOST_SUPPORT_DIRECTIONS: usize = 8;
+pub const MAX_SUPPORT_DIRECTIONS: usize = 8;
 
 /// The supporting lines of an outline's convex hull in directions that are spread evenly over the circle (docs/method.md, section 2.2).
 /// Of a mask there are [`SUPPORT_DIRECTIONS`]: those to the right, bottom, left and top are the edges of its tight box; the diagonal
@@ -22,11 +22,11 @@ pub struct TangentLines {
     /// The first direction, radians from x towards y.
     pub(crate) angle: f64,
     /// For each direction `n_k` (see [`Self::normal`]), how far the hull reaches: the largest `n_k . x`, in pixels.
-    pub(crate) reach: [f64; MOST_SUPPORT_DIRECTIONS],
+    pub(crate) reach: [f64; MAX_SUPPORT_DIRECTIONS],
     /// Whether the hull touches the line where the border of the image cuts the object off.
-    pub(crate) cut_off: [bool; MOST_SUPPORT_DIRECTIONS],
+    pub(crate) cut_off: [bool; MAX_SUPPORT_DIRECTIONS],
     /// Whether the hull touches the line where another object begins, which may hide a part of this one.
-    pub(crate) hidden: [bool; MOST_SUPPORT_DIRECTIONS],
+    pub(crate) hidden: [bool; MAX_SUPPORT_DIRECTIONS],
     /// Whether the lines along x and y are the edges of a box ([`Self::beside_box`]).
     pub(crate) of_box: bool,
 }
@@ -85,18 +85,18 @@ impl TangentLines {
         Self::of_outline_in(points, SUPPORT_DIRECTIONS, 0.0)
     }
 
-    /// [`Self::of_outline`] in another number of directions, a multiple of four up to [`MOST_SUPPORT_DIRECTIONS`], of which the first
+    /// [`Self::of_outline`] in another number of directions, a multiple of four up to [`MAX_SUPPORT_DIRECTIONS`], of which the first
     /// has an angle (radians from x towards y). `None` also for any other number and an angle that is not finite.
     pub fn of_outline_in(points: &[(Vector2<f64>, OutlineEnd)], count: usize, angle: f64) -> Option<Self> {
-        if count == 0 || !count.is_multiple_of(4) || count > MOST_SUPPORT_DIRECTIONS || !angle.is_finite() {
+        if count == 0 || !count.is_multiple_of(4) || count > MAX_SUPPORT_DIRECTIONS || !angle.is_finite() {
             return None;
         }
         let mut lines = Self {
             count,
             angle,
-            reach: [f64::NEG_INFINITY; MOST_SUPPORT_DIRECTIONS],
-            cut_off: [false; MOST_SUPPORT_DIRECTIONS],
-            hidden: [false; MOST_SUPPORT_DIRECTIONS],
+            reach: [f64::NEG_INFINITY; MAX_SUPPORT_DIRECTIONS],
+            cut_off: [false; MAX_SUPPORT_DIRECTIONS],
+            hidden: [false; MAX_SUPPORT_DIRECTIONS],
             of_box: false,
         };
         for k in 0..count {
@@ -120,7 +120,7 @@ impl TangentLines {
 
     /// The tangent lines of an ellipse that is seen as a whole, every 45 degrees.
     pub fn of_ellipse(ellipse: &Ellipse) -> Self {
-        let (reach, no) = ([f64::NEG_INFINITY; MOST_SUPPORT_DIRECTIONS], [false; MOST_SUPPORT_DIRECTIONS]);
+        let (reach, no) = ([f64::NEG_INFINITY; MAX_SUPPORT_DIRECTIONS], [false; MAX_SUPPORT_DIRECTIONS]);
         Self { count: SUPPORT_DIRECTIONS, angle: 0.0, reach, cut_off: no, hidden: no, of_box: false }
             .with_reach_of(ellipse)
     }
@@ -162,7 +162,7 @@ impl TangentLines {
         let corners = turned.corners();
         let outside =
             corners.map(|c| image_size.is_some_and(|size| c.min() <= tolerance || (size - c).min() <= tolerance));
-        let (mut reach, no) = ([f64::NEG_INFINITY; MOST_SUPPORT_DIRECTIONS], [false; MOST_SUPPORT_DIRECTIONS]);
+        let (mut reach, no) = ([f64::NEG_INFINITY; MAX_SUPPORT_DIRECTIONS], [false; MAX_SUPPORT_DIRECTIONS]);
         let mut lines = Self { count: 4, angle: turned.angle(), reach, cut_off: no, hidden: no, of_box: false };
         for side in 0..4 {
             // The corners follow the directions: the one with index k lies between the sides k and k + 1.

@@ -14,11 +14,11 @@ use crate::association::score::rays::{PairSphere, Sphere};
 use crate::association::search::growth::new_pair;
 
 /// Maximum number of pairs tested per frame, and the minimum per box.
-const MOST_PAIRS: usize = 100_000;
-const LEAST_PAIRS: usize = 20;
+const MAX_PAIRS: usize = 100_000;
+const MIN_PAIRS: usize = 20;
 
 /// Maximum number of new objects per frame; each costs fits.
-const MOST_BIRTHS: usize = 500;
+const MAX_BIRTHS: usize = 500;
 
 /// Two boxes that may show the same object: a box of the frame, and a recent frame with a box in it.
 struct BoxPair {
@@ -36,7 +36,7 @@ impl ObjectMap {
         pairs.sort_by(|a, b| a.disagreement.total_cmp(&b.disagreement).then(place(a).cmp(&place(b))));
         let mut taken_new: Vec<u32> = Vec::new();
         for pair in pairs {
-            if taken_new.len() >= MOST_BIRTHS {
+            if taken_new.len() >= MAX_BIRTHS {
                 break;
             }
             if taken_new.contains(&pair.new) {
@@ -72,7 +72,7 @@ impl ObjectMap {
         let camera = &current.observations.cameras[0];
         // The rays of the free boxes of the last frames, the latest first.
         let mut others: Vec<(&Camera, BoxObservation, (usize, usize))> = Vec::new();
-        let most = (MOST_PAIRS / current.free.len().max(1)).max(LEAST_PAIRS);
+        let most = (MAX_PAIRS / current.free.len().max(1)).max(MIN_PAIRS);
         for (recent, frame) in self.recent.iter().enumerate().rev() {
             let Some(keyframe) = self.keyframes.get(frame.key) else { continue };
             let Some(inverse) = keyframe.camera.matrix.fixed_columns::<3>(0).try_inverse() else { continue };

@@ -10,7 +10,7 @@ use super::update::{Event, FrameUpdate, ObjectId, Removal};
 use super::views::KeptView;
 use crate::association::input::observations::BoxObservation;
 use crate::association::score::evidence::evidence;
-use crate::association::search::growth::MOST_MISSES;
+use crate::association::search::growth::MAX_MISSES;
 use crate::association::statistics::median;
 use crate::tuning::CLEAR;
 
@@ -32,7 +32,7 @@ const CLEAR_SIZE: f64 = 1.5;
 const USUAL_SIZE: f64 = 0.8;
 
 /// Maximum covered share of the views from which the detection rate is estimated.
-const MOST_COVERED: f64 = 0.2;
+const MAX_COVERED: f64 = 0.2;
 
 /// Weight of the map's detection rate beside the object's own, in views.
 const SHARE_WEIGHT: f64 = 4.0;
@@ -103,7 +103,7 @@ impl ObjectMap {
                 Clarity::InView { .. } if is_detected => 1.0,
                 Clarity::InView { covered } => 1.0 - covered,
             };
-            if visible_share >= 1.0 - MOST_COVERED {
+            if visible_share >= 1.0 - MAX_COVERED {
                 self.count_clear_view(seen.slot, is_detected);
             }
             if !is_detected {
@@ -166,9 +166,9 @@ impl ObjectMap {
         let misses = tracked.object.visible.saturating_sub(views);
         let weak = match tracked.presence {
             // More often than detected, too.
-            Presence::Tentative => misses > MOST_MISSES.max(views),
+            Presence::Tentative => misses > MAX_MISSES.max(views),
             // Many misses speak against a weak object, wherever they come from.
-            Presence::Confirmed => misses.is_multiple_of(MOST_MISSES) && self.evidence_of(tracked) <= CLEAR,
+            Presence::Confirmed => misses.is_multiple_of(MAX_MISSES) && self.evidence_of(tracked) <= CLEAR,
             Presence::Gone => false,
         };
         if weak {

@@ -18,7 +18,7 @@ use crate::optimize::matching::{Pair, best_pairs};
 use crate::solve::PoseNoise;
 
 /// Minimum shift for a second matching, pixels.
-const LEAST_SHIFT: f64 = 0.25;
+const MIN_SHIFT: f64 = 0.25;
 
 /// Sum of the squared normalized residuals of a box's edges beyond which its object is refitted: 5 % of
 /// the boxes if errors are normal.
@@ -57,7 +57,7 @@ impl ObjectMap {
             return (matched, None);
         }
         let shift = estimate.shift();
-        if (shift - subtracted).norm() < LEAST_SHIFT {
+        if (shift - subtracted).norm() < MIN_SHIFT {
             return (matched, Some(estimate));
         }
         current.observations.move_boxes(0, &(subtracted - shift));

@@ -13,10 +13,10 @@ use crate::association::search::merge::{FEWER_VIEWS, NEAR, SAME_PLACE, SAME_SIZE
 const TRIED_AGAIN: f64 = 1.3;
 
 /// Maximum number of merged ids that are remembered; the oldest are forgotten.
-const MOST_ALIASES: usize = 100_000;
+const MAX_ALIASES: usize = 100_000;
 
 /// Pairs that are remembered; more are tried again.
-const MOST_TRIED: usize = 100_000;
+const MAX_TRIED: usize = 100_000;
 
 impl ObjectMap {
     /// Tries objects as one whose predictions overlap in the frame.
@@ -66,7 +66,7 @@ impl ObjectMap {
             let slot = if weaker == a.id { older_slot } else { younger_slot };
             self.remove_slot(slot, Removal::Nested, update);
         } else {
-            if self.tried_pairs.len() >= MOST_TRIED {
+            if self.tried_pairs.len() >= MAX_TRIED {
                 self.tried_pairs.clear();
             }
             self.tried_pairs.insert(key, views);
@@ -154,7 +154,7 @@ impl ObjectMap {
             union.count_id(Some(id), count);
         }
         self.aliases.insert(young.id, old.id);
-        if self.aliases.len() > MOST_ALIASES {
+        if self.aliases.len() > MAX_ALIASES {
             self.aliases.pop_first();
         }
         for object in &mut update.objects {

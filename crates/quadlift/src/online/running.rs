@@ -1,13 +1,13 @@
 //! Running estimates of the map: sizes of boxes, categories, noise, clutter, how often objects are detected.
 
 use crate::association::input::clutter::BoxSizes;
-use crate::association::input::observations::SMALLEST_SIZE;
+use crate::association::input::observations::MIN_SIZE;
 use crate::association::input::sizes::LogSize;
 use crate::association::score::scene_statistics::SceneStatistics;
 use crate::association::search::frame_shift::{FrameShift, spread};
 
 /// Upper bound of counts in a state, so that counting on does not overflow.
-pub(super) const MOST: u64 = 1 << 53;
+pub(super) const MAX_COUNT: u64 = 1 << 53;
 
 /// Bins of the histogram of half sizes, eight for each octave from 1/16 of a pixel on.
 const BINS: usize = 256;
@@ -78,11 +78,11 @@ impl Running {
         counts.iter().all(|&n| n == count) && self.histogram.len() == BINS && self.statistics.hidden.is_empty()
     }
 
-    /// Whether all counts are within [`MOST`].
+    /// Whether all counts are within [`MAX_COUNT`].
     pub(super) fn is_countable(&self) -> bool {
         let assigned = self.assigned.unsigned_abs();
-        [self.frames, self.repeated, self.boxes, assigned, self.shift_frames].iter().all(|&n| n < MOST)
-            && self.histogram.iter().chain(&self.category_counts).all(|&n| n < MOST)
+        [self.frames, self.repeated, self.boxes, assigned, self.shift_frames].iter().all(|&n| n < MAX_COUNT)
+            && self.histogram.iter().chain(&self.category_counts).all(|&n| n < MAX_COUNT)
     }
 
     /// Adds a category.
@@ -118,7 +118,7 @@ impl Running {
         for (bin, &count) in self.histogram.iter().enumerate() {
             sum += count;
             if sum > below {
-                return SMALLEST_SIZE * (FIRST_OCTAVE + (bin as f64 + 0.5) / BINS_PER_OCTAVE).exp2();
+                return MIN_SIZE * (FIRST_OCTAVE + (bin as f64 + 0.5) / BINS_PER_OCTAVE).exp2();
             }
         }
         0.0

@@ -9,7 +9,7 @@ use super::keyframes::{Keyframe, Keyframes};
 use super::map::ObjectMap;
 use super::names::{Categories, InputIds};
 use super::options::OnlineOptions;
-use super::running::{MOST, Running};
+use super::running::{MAX_COUNT, Running};
 use super::tracked::{Presence, Tracked};
 use super::update::ObjectId;
 use super::views::{KeptView, RecentFrame};
@@ -204,7 +204,7 @@ impl MapState {
         let distinct: BTreeSet<&Option<String>> = self.categories.iter().collect();
         hold(distinct.len() == self.categories.len(), "a category is there twice")?;
         hold(self.running.has_categories(self.categories.len()), "statistics of other categories")?;
-        hold(self.running.is_countable() && self.next_id < MOST, "a count is out of range")?;
+        hold(self.running.is_countable() && self.next_id < MAX_COUNT, "a count is out of range")?;
         hold(self.keyframes.windows(2).all(|w| w[0].0 < w[1].0), "frames are not in order")?;
         hold(self.keyframes.iter().all(|(key, _)| *key < self.next_key), "a frame of the future")?;
         hold(self.recent.windows(2).all(|w| w[0].key < w[1].key), "recent frames are not in order")?;

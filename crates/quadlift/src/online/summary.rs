@@ -11,13 +11,13 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::keyframes::Keyframe;
-use super::views::{Absorbed, KeptView, MOST_VISITS, Visit, from_bits};
+use super::views::{Absorbed, KeptView, MAX_VISITS, Visit, from_bits};
 use crate::association::input::observations::Camera;
 use crate::association::score::object::Object;
 use crate::association::score::scene_statistics::SceneStatistics;
 
 /// Edges that disagree more than this many standard deviations with the body are not averaged: the usual bound of outliers.
-const MOST_DEVIATIONS: f64 = 3.0;
+const MAX_DEVIATIONS: f64 = 3.0;
 
 /// Frames whose keys differ by less than this belong to one visit: poses drift little between them.
 const SAME_VISIT: f64 = 32.0;
@@ -86,7 +86,7 @@ impl KeptView {
             return;
         };
         let measured = from_bits(!(self.cut | self.hidden));
-        let is_outlier = |e: usize| measured[e] && (theirs[e] - others.shift[e % 2]).abs() > MOST_DEVIATIONS * sd;
+        let is_outlier = |e: usize| measured[e] && (theirs[e] - others.shift[e % 2]).abs() > MAX_DEVIATIONS * sd;
         if (0..4).any(is_outlier) {
             return;
         }
@@ -140,7 +140,7 @@ fn add_visit(visits: &mut Vec<Visit>, new: Visit) {
     }
     let place = visits.partition_point(|visit| visit.mean_key < new.mean_key);
     visits.insert(place, new);
-    if visits.len() > MOST_VISITS {
+    if visits.len() > MAX_VISITS {
         let nearest = (1..visits.len())
             .min_by(|&a, &b| apart(&visits[a - 1], &visits[a]).total_cmp(&apart(&visits[b - 1], &visits[b])));
         let Some(second) = nearest else { return };

@@ -43,7 +43,7 @@ pub(super) struct KeptView {
 }
 
 /// Maximum number of visits that are told apart.
-pub(super) const MOST_VISITS: usize = 4;
+pub(super) const MAX_VISITS: usize = 4;
 
 /// The views that a view stands for.
 #[derive(Debug, Clone, PartialEq)]
@@ -59,7 +59,7 @@ impl Absorbed {
     /// Whether all numbers are in their ranges.
     pub(super) fn is_valid(&self) -> bool {
         let is_visit = |visit: &Visit| (0.0..=f64::from(u32::MAX)).contains(&visit.mean_key) && visit.views >= 1;
-        let are_visits = (1..=MOST_VISITS).contains(&self.visits.len()) && self.visits.iter().all(is_visit);
+        let are_visits = (1..=MAX_VISITS).contains(&self.visits.len()) && self.visits.iter().all(is_visit);
         are_visits && self.offset.iter().all(|x| x.is_finite())
     }
 

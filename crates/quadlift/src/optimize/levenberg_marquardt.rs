@@ -41,7 +41,7 @@ pub(crate) struct Minimum<State> {
 }
 
 /// With this damping the steps are too short to be worth taking.
-const LARGEST_DAMPING: f64 = 1e6;
+const MAX_DAMPING: f64 = 1e6;
 
 /// Largest change of a parameter in one step (object sizes, radians, logarithms).
 const MAX_STEP: f64 = 1.5;
@@ -79,7 +79,7 @@ pub(crate) fn minimum<State: Clone>(
         }
         let Some(mut step) = solve_spd(&damped, &-gradient) else {
             damping *= 10.0;
-            if damping > LARGEST_DAMPING {
+            if damping > MAX_DAMPING {
                 break End::NoLowerStep;
             }
             continue;
@@ -105,7 +105,7 @@ pub(crate) fn minimum<State: Clone>(
             }
             _ => {
                 damping *= 8.0;
-                if damping > LARGEST_DAMPING {
+                if damping > MAX_DAMPING {
                     break End::NoLowerStep;
                 }
             }

@@ -3,7 +3,7 @@
 
 /// Steps of the Hungarian method beyond which a connected part of the table is paired greedily instead; only a mass of
 /// boxes in one place leads there.
-const MOST_STEPS: usize = 200_000_000;
+const MAX_STEPS: usize = 200_000_000;
 
 /// A possible pair.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,7 +70,7 @@ fn pair_up(pairs: &[Pair], part: &[usize], chosen: &mut Vec<usize>) {
     let (rows, columns) = (labels(|p| p.row), labels(|p| p.column));
     // The method wants as many columns as rows at least.
     let (n, m) = (rows.len().min(columns.len()), rows.len().max(columns.len()));
-    if n.saturating_mul(n).saturating_mul(m) > MOST_STEPS {
+    if n.saturating_mul(n).saturating_mul(m) > MAX_STEPS {
         return pair_greedily(pairs, part, chosen);
     }
     let turned = rows.len() > columns.len();

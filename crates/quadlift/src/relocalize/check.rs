@@ -8,7 +8,7 @@ use crate::diagnosis::{BoxFormat, Correction};
 use crate::parallel::map_indices;
 
 /// Images that are looked at, evenly spread: errors of this size are common to all.
-const MOST_IMAGES: usize = 10;
+const MAX_IMAGES: usize = 10;
 
 /// Images with which all mistakes are tried, where something is wrong.
 const FEW_IMAGES: usize = 4;
@@ -90,7 +90,7 @@ impl LandmarkMap {
     /// cameras that are wrong in the same way. It takes about four times as long as to locate ten images, and longer where they cannot be
     /// located. The same input gives the same answer.
     pub fn common_mistake(&self, images: &[LocatedImage]) -> Option<CommonMistake> {
-        let sample = evenly(images, MOST_IMAGES);
+        let sample = evenly(images, MAX_IMAGES);
         let few = evenly(&sample, FEW_IMAGES);
         let [given, given_few] = [&sample, &few].map(|images| self.explained(images, None));
         let is_usual = |found: &Explained| found.located as f64 >= USUAL_SHARE * sample.len() as f64;

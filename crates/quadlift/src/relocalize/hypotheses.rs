@@ -10,22 +10,22 @@ use crate::geometry::rotation::{between, nearest_rotation, nearest_turn};
 use crate::optimize::bits::{after, count, ones};
 
 /// Groups of candidates whose support is counted at most; of more, that of evenly spread ones.
-const MOST_GROUPS: usize = 200_000;
+const MAX_GROUPS: usize = 200_000;
 
 /// Hypotheses that are examined at most: those with the most support.
-const MOST_HYPOTHESES: usize = 16_000;
+const MAX_HYPOTHESES: usize = 16_000;
 
 /// Comparisons of boxes with landmarks for all hypotheses, about, which bounds the time in large maps; a round is examined in any case.
-const MOST_COMPARISONS: usize = 30_000_000;
+const MAX_COMPARISONS: usize = 30_000_000;
 
 /// Hypotheses of a round: the search may end after one that explains most of the image.
 const HYPOTHESES_OF_ROUND: usize = 100;
 
 /// Candidates that hypotheses are made of, about: of more, those of the boxes that may show the fewest landmarks.
-const MOST_CANDIDATES: usize = 800;
+const MAX_CANDIDATES: usize = 800;
 
 /// Cost of the edges of a hypothesis' own boxes, for each, beyond which it is wrong: Student's t cost at 3.5 standard deviations.
-const MOST_COST: f64 = 8.6;
+const MAX_COST: f64 = 8.6;
 
 /// Steps by which a hypothesis follows its own boxes.
 const STEPS: usize = 4;
@@ -47,10 +47,10 @@ impl Groups {
     /// Triples of candidates, or pairs where gravity is known.
     pub(super) fn new(query: &PreparedQuery) -> Self {
         let comparisons = query.alike.iter().map(Vec::len).sum::<usize>().max(1);
-        let most = (MOST_COMPARISONS / comparisons).clamp(HYPOTHESES_OF_ROUND, MOST_HYPOTHESES);
+        let most = (MAX_COMPARISONS / comparisons).clamp(HYPOTHESES_OF_ROUND, MAX_HYPOTHESES);
         let graph = Compatible::new(query);
         let mut members = if query.gravity.is_some() { graph.pairs() } else { graph.triples() };
-        let all = graph.all && members.len() < most.min(MOST_GROUPS);
+        let all = graph.all && members.len() < most.min(MAX_GROUPS);
         members.sort_by_cached_key(|group| std::cmp::Reverse(graph.support(group)));
         members.truncate(most);
         let named = |group: Vec<usize>| group.into_iter().map(|place| graph.places[place]).collect();
@@ -72,7 +72,7 @@ pub(super) fn starts(query: &PreparedQuery, groups: &Groups, round: usize) -> Ve
             let members: Vec<&Candidate> = group.iter().map(|&k| &query.candidates[k]).collect();
             let matches: Vec<Match> = members.iter().map(|c| Match::new(query, c.query_box, c.landmark)).collect();
             let refined = refine(query, aligned(query, &members)?, &matches, STEPS)?;
-            (refined.cost < MOST_COST * 4.0 * members.len() as f64)
+            (refined.cost < MAX_COST * 4.0 * members.len() as f64)
                 .then(|| (quick_score(query, &refined.pose), refined.pose))
         })
         .collect();
@@ -166,7 +166,7 @@ impl Compatible {
 
     fn pairs(&self) -> Vec<Vec<usize>> {
         let count = self.all_pairs().count();
-        let chosen = self.all_pairs().enumerate().filter(|(k, _)| is_chosen(*k, count, MOST_GROUPS));
+        let chosen = self.all_pairs().enumerate().filter(|(k, _)| is_chosen(*k, count, MAX_GROUPS));
         chosen.map(|(_, pair)| pair.to_vec()).collect()
     }
 
@@ -176,9 +176,9 @@ impl Compatible {
         let mut chosen = Vec::new();
         for pair in self.all_pairs() {
             let end = before + count(self.thirds(&pair));
-            if first_chosen(before, all, MOST_GROUPS) < end {
+            if first_chosen(before, all, MAX_GROUPS) < end {
                 let thirds = ones(self.thirds(&pair)).enumerate();
-                let of_pair = thirds.filter(|(k, _)| is_chosen(before + k, all, MOST_GROUPS));
+                let of_pair = thirds.filter(|(k, _)| is_chosen(before + k, all, MAX_GROUPS));
                 chosen.extend(of_pair.map(|(_, k)| vec![pair[0], pair[1], k]));
             }
             before = end;
@@ -198,7 +198,7 @@ fn first_chosen(index: usize, count: usize, most: usize) -> usize {
     index.div_ceil(step) * step
 }
 
-/// The candidates of the boxes that may show the fewest landmarks: all, or as many boxes as [`MOST_CANDIDATES`] allows, at least three; of a
+/// The candidates of the boxes that may show the fewest landmarks: all, or as many boxes as [`MAX_CANDIDATES`] allows, at least three; of a
 /// box with more candidates, evenly spread ones.
 fn distinctive(query: &PreparedQuery) -> Vec<usize> {
     let mut boxes: Vec<Vec<usize>> = vec![Vec::new(); query.boxes.len()];
@@ -207,10 +207,10 @@ fn distinctive(query: &PreparedQuery) -> Vec<usize> {
     boxes.sort_by_key(Vec::len);
     let mut chosen: Vec<usize> = Vec::new();
     for (k, of_box) in boxes.iter().enumerate() {
-        if k >= 3 && chosen.len() + of_box.len() > MOST_CANDIDATES {
+        if k >= 3 && chosen.len() + of_box.len() > MAX_CANDIDATES {
             break;
         }
-        chosen.extend(of_box.iter().step_by(of_box.len().div_ceil(MOST_CANDIDATES)));
+        chosen.extend(of_box.iter().step_by(of_box.len().div_ceil(MAX_CANDIDATES)));
     }
     chosen
 }

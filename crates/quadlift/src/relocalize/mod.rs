@@ -204,7 +204,7 @@ pub struct Relocalization {
 const ENOUGH_MATCHES: usize = 6;
 
 /// Poses that are told at most.
-const MOST_POSES: usize = 8;
+const MAX_POSES: usize = 8;
 
 /// A map of objects in which images are located.
 #[derive(Debug, Clone)]
@@ -290,7 +290,7 @@ impl LandmarkMap {
         }
         let searched = groups.all && round == groups.rounds();
         poses.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-        poses.truncate(MOST_POSES);
+        poses.truncate(MAX_POSES);
         match &poses[..] {
             [] => nowhere(LocateStatus::NoPose),
             [best, ..] if best.evidence < CLEAR => Relocalization { status: LocateStatus::NoPose, poses },

@@ -12,7 +12,7 @@ use crate::geometry::{BoundingBox, Projection};
 const LOWER_PX: f64 = 1.0;
 
 /// Frames with more boxes than this are skipped: every pair is compared, and in such crowds all boxes overlap.
-const MOST_BOXES: usize = 1000;
+const MAX_BOXES: usize = 1000;
 
 impl Scene {
     /// For each detection, which edges of its box (left, top, right, bottom) are probably hidden by another detection
@@ -106,7 +106,7 @@ pub fn occluded_edges<F: Ord>(boxes: &[Option<(F, BoundingBox)>]) -> Vec<[bool; 
     let mut places: Vec<(usize, &F, &BoundingBox)> = Vec::with_capacity(boxes.len());
     places.extend(boxes.iter().enumerate().filter_map(|(k, place)| place.as_ref().map(|(frame, b)| (k, frame, b))));
     places.sort_by_key(|(_, frame, _)| *frame);
-    for of_frame in places.chunk_by_mut(|a, b| a.1 == b.1).filter(|of_frame| of_frame.len() <= MOST_BOXES) {
+    for of_frame in places.chunk_by_mut(|a, b| a.1 == b.1).filter(|of_frame| of_frame.len() <= MAX_BOXES) {
         // From the lowest to the highest bottom edge in space, so that a box is hidden by earlier ones only.
         of_frame.sort_by(|(.., a), (.., b)| b.y1.total_cmp(&a.y1));
         for (k, (index, _, far)) in of_frame.iter().enumerate() {

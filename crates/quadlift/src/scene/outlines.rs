@@ -15,7 +15,7 @@ use crate::geometry::{BoundingBox, Camera, OrientedBox, OutlineEnd, SUPPORT_DIRE
 const TOUCHING_PX: f64 = 2.0;
 
 /// Frames with more outlines than this are skipped: every pair is compared.
-const MOST_OUTLINES: usize = 1000;
+const MAX_OUTLINES: usize = 1000;
 
 /// With a lens, edges of outlines are divided into parts of at most this share of the outline's extent: straight edges become curves.
 const LENS_STEP: f64 = 1.0 / 32.0;
@@ -301,7 +301,7 @@ fn divided(corners: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
 
 /// Indices of the detections of outlines of one image that touch another one, and which of their lines are hidden there.
 fn touch(outlines: &[ImageOutline]) -> Vec<(usize, Vec<bool>)> {
-    if outlines.len() < 2 || outlines.len() > MOST_OUTLINES {
+    if outlines.len() < 2 || outlines.len() > MAX_OUTLINES {
         return Vec::new();
     }
     let of_outline = |(index, outline): (usize, &ImageOutline)| {

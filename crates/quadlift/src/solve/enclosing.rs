@@ -22,19 +22,19 @@ use crate::scene::View;
 
 /// Minimum number of planes for separate proportions: twice the parameters. With fewer planes there is no gain: see the
 /// 3 views above.
-const FEWEST_PLANES: usize = 18;
+const MIN_PLANES: usize = 18;
 
 /// The loss is round about zero, over this share of its mean.
 const ROUND: f64 = 0.2;
 
 /// The scale of the loss is at least this: planes of exact boxes have none.
-const LEAST_LOSS: f64 = 1e-4;
+const MIN_LOSS: f64 = 1e-4;
 
 /// A plane is at least this far from the center, in units of the frame: one that cuts the body near its center is false.
-const NEAREST_PLANE: f64 = 0.02;
+const MIN_PLANE: f64 = 0.02;
 
 /// The iteration ends after as many steps...
-const MOST_STEPS: usize = 40;
+const MAX_STEPS: usize = 40;
 
 /// ...or when center and axes move by less than this share of the size.
 const SMALL_STEP: f64 = 1e-4;
@@ -66,7 +66,7 @@ pub(super) fn enclosing(views: &[View], body: &Body, quantile: f64) -> Option<En
     let equivalent = body.ellipsoid();
     let axes = frame.axes.tr_mul(equivalent.rotation.matrix());
     let equivalent = Ellipsoid { rotation: Rotation3::from_matrix_unchecked(axes), ..equivalent };
-    let ellipsoid = (planes.len() >= FEWEST_PLANES)
+    let ellipsoid = (planes.len() >= MIN_PLANES)
         .then(|| Fit::of(&equivalent, &planes, unit, quantile))
         .flatten()
         .map(|fit| {
@@ -141,9 +141,9 @@ impl Fit {
         // With a scale of zero the loss is not rounded.
         let mut loss = Loss { planes, prior: start.tangent_planes()?, quantile, scale: 0.0 };
         let mean = planes.iter().map(|plane| loss.pinball(start.log_ratio(plane))).sum::<f64>() / planes.len() as f64;
-        loss.scale = mean.max(LEAST_LOSS);
+        loss.scale = mean.max(MIN_LOSS);
         let (mut fit, mut value) = (start, loss.value(&start));
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let Some(step) = loss.step(&fit) else { break };
             // A step that is too long makes the loss larger.
             let better = (0..8).map(|k| step * 0.5f64.powi(k)).find_map(|step| {
@@ -180,13 +180,13 @@ impl Fit {
 
     /// Logarithm of (distance of the plane) / (reach).
     fn log_ratio(&self, plane: &Plane) -> f64 {
-        (self.distance(plane).max(NEAREST_PLANE) / self.reach(&plane.n)).ln()
+        (self.distance(plane).max(MIN_PLANE) / self.reach(&plane.n)).ln()
     }
 
     /// Its derivatives by the center and by S in `axes <- axes exp(S)` (11, 22, 33, 12, 13, 23).
     fn gradient(&self, plane: &Plane) -> SVector<f64, 9> {
         let distance = self.distance(plane);
-        let by_center = if distance > NEAREST_PLANE { -plane.n / distance } else { Vector3::zeros() };
+        let by_center = if distance > MIN_PLANE { -plane.n / distance } else { Vector3::zeros() };
         let m = (self.axes.transpose() * plane.n).normalize();
         let by_shape = [m.x * m.x, m.y * m.y, m.z * m.z, 2.0 * m.x * m.y, 2.0 * m.x * m.z, 2.0 * m.y * m.z].map(|x| -x);
         SVector::from_iterator(by_center.iter().copied().chain(by_shape))

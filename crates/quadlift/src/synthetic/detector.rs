@@ -9,7 +9,7 @@ use crate::geometry::{BoundingBox, BoundingBoxError};
 use crate::random;
 
 /// Boxes that are smaller than this after clipping at the image border, in pixels, are not detected.
-const SMALLEST_BOX: f64 = 2.0;
+const MIN_BOX: f64 = 2.0;
 
 /// Standard deviation of the edges of a duplicate, in mean half sizes.
 const DUPLICATE_SD: f64 = 0.12;
@@ -18,7 +18,7 @@ const DUPLICATE_SD: f64 = 0.12;
 const FALSE_SIZE_SD: f64 = 0.3;
 
 /// Fraction of an object that others may cover before it is missed.
-const MOST_COVERED: f64 = 0.65;
+const MAX_COVERED: f64 = 0.65;
 
 /// Points of an outline that are tested for being covered.
 const POINTS: usize = 60;
@@ -89,7 +89,7 @@ pub(super) fn cut(bounding_box: &BoundingBox, image: Vector2<f64>) -> Option<Bou
         x1: bounding_box.x1.min(image.x),
         y1: bounding_box.y1.min(image.y),
     };
-    (inside.size().min() >= SMALLEST_BOX).then_some(inside)
+    (inside.size().min() >= MIN_BOX).then_some(inside)
 }
 
 /// Whether at least half of a box lies inside of the image.
@@ -114,7 +114,7 @@ pub(super) fn covered(objects: &[(BoundingBox, f64)]) -> Vec<bool> {
             let place = own.center() + own.size().component_mul(point) * 0.5;
             nearer.iter().any(|b| (place - b.center()).component_div(&(b.size() * 0.5)).norm_squared() <= 1.0)
         };
-        disc.iter().filter(hidden).count() as f64 > MOST_COVERED * POINTS as f64
+        disc.iter().filter(hidden).count() as f64 > MAX_COVERED * POINTS as f64
     };
     objects.iter().map(is_covered).collect()
 }

@@ -11,7 +11,7 @@ use crate::geometry::{BoundingBox, BoundingBoxError, Ellipse, EllipseError};
 use crate::random;
 
 /// Width and height in pixels that a box keeps when noise would make its edges cross.
-const SMALLEST_BOX: f64 = 1e-2;
+const MIN_BOX: f64 = 1e-2;
 
 /// Draws noise and outliers. Each kind of noise has its own random stream, so that they are independent.
 pub(super) struct NoiseSource<'a> {
@@ -79,7 +79,7 @@ impl<'a> NoiseSource<'a> {
             }
         }
         let [x0, y0, x1, y1] = edges;
-        BoundingBox::new([x0.min(x1 - SMALLEST_BOX), y0.min(y1 - SMALLEST_BOX), x1, y1])
+        BoundingBox::new([x0.min(x1 - MIN_BOX), y0.min(y1 - MIN_BOX), x1, y1])
     }
 
     /// With the probability of an outlier, a wrong box: its center up to 4 mean half sizes away in x and in y, its

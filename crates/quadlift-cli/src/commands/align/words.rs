@@ -5,7 +5,7 @@ use quadlift_io::align::{Contradiction, MapObjects};
 
 use super::{Args, Map};
 use crate::labels::Labels;
-use crate::table::{Cell, MOST_ROWS, Table, rest};
+use crate::table::{Cell, MAX_ROWS, Table, rest};
 use crate::words::{count, with_unit};
 
 /// What was assumed, a line.
@@ -120,7 +120,7 @@ pub(super) fn aligned(
     };
     let mut table = Table::new(["<object of A", "<object of B", "<category", &with_unit("distance", unit)]);
     let [labels_a, labels_b] = [a, b].map(|map| Labels::of_file(&map.file));
-    for &(i, j) in best.matches.iter().take(MOST_ROWS) {
+    for &(i, j) in best.matches.iter().take(MAX_ROWS) {
         let (p, q) = (&a.objects.objects[i], &b.objects.objects[j]);
         let distance = (p.ellipsoid.center - to.point(&q.ellipsoid.center)).norm();
         let category = p.category.as_deref().or(q.category.as_deref()).unwrap_or("-");

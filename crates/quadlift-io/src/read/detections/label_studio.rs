@@ -18,7 +18,7 @@ use crate::read::format::Format;
 use crate::read::json::{Node, parse_json};
 
 /// Most boxes between keyframes in a file: two keyframes of a few bytes may be any number of frames apart.
-const MOST_BETWEEN_KEYFRAMES: u64 = 1 << 20;
+const MAX_BETWEEN_KEYFRAMES: u64 = 1 << 20;
 
 /// Keys of the labels of a shape.
 const LABELS: [&str; 6] =
@@ -275,9 +275,9 @@ impl Reader {
             let next = keyframes.get(index + 1).filter(|_| keyframe.enabled);
             let count = next.map_or(1, |next| next.frame - keyframe.frame);
             self.between_keyframes += count - 1;
-            if self.between_keyframes > MOST_BETWEEN_KEYFRAMES {
+            if self.between_keyframes > MAX_BETWEEN_KEYFRAMES {
                 return Err(sequence.error(format!(
-                    "the tracks have more than {MOST_BETWEEN_KEYFRAMES} boxes between keyframes; export parts of the video"
+                    "the tracks have more than {MAX_BETWEEN_KEYFRAMES} boxes between keyframes; export parts of the video"
                 )));
             }
             for step in 0..count {

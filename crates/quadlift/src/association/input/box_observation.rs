@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Matrix3x4, Vector2, Vector3};
 use crate::geometry::Projection;
 
 /// Lower bound of scores.
-const LEAST_SCORE: f64 = 1e-3;
+const MIN_SCORE: f64 = 1e-3;
 
 /// A posed image.
 #[derive(Debug, Clone)]
@@ -59,7 +59,7 @@ pub(crate) struct BoxObservation {
 pub(crate) fn log_odds_against(score: Option<f64>) -> f64 {
     match score {
         Some(score) if (0.0..0.5).contains(&score) => {
-            let score = score.max(LEAST_SCORE);
+            let score = score.max(MIN_SCORE);
             (score / (1.0 - score)).ln()
         }
         _ => 0.0,

@@ -6,7 +6,7 @@ use super::box_observation::{BoxObservation, Camera};
 use crate::association::statistics::LN_2PI;
 
 /// Maximum number of other boxes of a frame for the density at a box; more are sampled evenly.
-const MOST_NEIGHBORS: usize = 2000;
+const MAX_NEIGHBORS: usize = 2000;
 
 /// Weight of the uniform density of clutter, in boxes of a frame.
 const UNIFORM_WEIGHT: f64 = 3.0;
@@ -19,12 +19,12 @@ pub(crate) struct BoxSizes {
 }
 
 /// Minimum standard deviation of the log sizes.
-const LEAST_SD: f64 = 0.3;
+const MIN_SD: f64 = 0.3;
 
 impl BoxSizes {
     /// From the mean and the variance of all log half sizes.
     pub(crate) fn new(mean: f64, variance: f64) -> Self {
-        Self { mean, sd: variance.sqrt().max(LEAST_SD) }
+        Self { mean, sd: variance.sqrt().max(MIN_SD) }
     }
 
     /// Of these boxes.
@@ -65,7 +65,7 @@ pub(crate) fn log_density_among_neighbors(
     let mut densities: Vec<f64> = boxes.iter().map(|b| sizes.log_density(b)).collect();
     for camera in cameras {
         let all: Vec<usize> = camera.boxes.clone().filter(|&i| !used[i]).collect();
-        let step = all.len().div_ceil(MOST_NEIGHBORS).max(1);
+        let step = all.len().div_ceil(MAX_NEIGHBORS).max(1);
         let uniform = log_rate.exp() / camera.size.product();
         for &index in &all {
             let observation = &boxes[index];
@@ -96,7 +96,7 @@ fn places(boxes: &[BoxObservation]) -> Places {
     let square = |b: &BoxObservation| (b.center() - mean).map(|x| x * x);
     let sd = (boxes.iter().map(square).sum::<Vector2<f64>>() / count).map(f64::sqrt);
     let half_size = boxes.iter().map(|b| b.half_size).sum::<f64>() / count;
-    let step = boxes.len().div_ceil(MOST_NEIGHBORS).max(1);
+    let step = boxes.len().div_ceil(MAX_NEIGHBORS).max(1);
     let middles = boxes.iter().step_by(step).map(BoxObservation::center).collect();
     Places { middles, bandwidth: (0.7 * sd).add_scalar(half_size), count }
 }

@@ -16,7 +16,7 @@ use crate::solve::CategoryPriors;
 const TOUCHING_SIZE: f64 = 1.15;
 
 /// Minimum standard deviation of a log radius: real objects touch their boxes in different ways.
-const LEAST_SIZE_SD: f64 = 0.25;
+const MIN_SIZE_SD: f64 = 0.25;
 
 /// The prior size of the objects of a category.
 pub(crate) fn given_size(priors: &CategoryPriors, category: &str) -> Option<LogSize> {
@@ -25,7 +25,7 @@ pub(crate) fn given_size(priors: &CategoryPriors, category: &str) -> Option<LogS
     let spread: f64 = (0..3).map(|i| (size.sd[i] / size.mean[i]).powi(2)).sum();
     Some(LogSize {
         mean: half.iter().sum::<f64>() / 3.0 + TOUCHING_SIZE.ln(),
-        sd: (spread.sqrt() / 3.0).max(LEAST_SIZE_SD),
+        sd: (spread.sqrt() / 3.0).max(MIN_SIZE_SD),
     })
 }
 

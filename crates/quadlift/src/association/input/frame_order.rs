@@ -13,7 +13,7 @@ const WITNESSES: usize = 48;
 const NEIGHBORS: usize = 400;
 
 /// Cosine of the maximum angle between the viewing directions of partners (101 degrees).
-const LEAST_COSINE: f64 = -0.2;
+const MIN_COSINE: f64 = -0.2;
 
 /// Frames with which the next one of the file is compared.
 const COMPARED: usize = 64;
@@ -110,7 +110,7 @@ fn neighbors(cameras: &[Camera], tree: &PointTree, frame: usize) -> (Vec<u32>, V
     let near: Vec<u32> = tree
         .nearest(&from.center, NEIGHBORS + 1)
         .into_iter()
-        .filter(|&other| other as usize != frame && cameras[other as usize].axis.dot(&from.axis) > LEAST_COSINE)
+        .filter(|&other| other as usize != frame && cameras[other as usize].axis.dot(&from.axis) > MIN_COSINE)
         .collect();
     let partners = geometric_ranks(near.len(), PARTNERS).into_iter().map(|rank| near[rank]).collect();
     let with_itself: Vec<u32> = std::iter::once(frame as u32).chain(near).collect();

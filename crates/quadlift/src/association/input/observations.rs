@@ -8,7 +8,7 @@ use nalgebra::{Vector2, Vector3};
 use crate::scene::{BORDER_TOLERANCE_PX, Scene, edges_at_border};
 
 /// The smallest predicted size that a detector is expected to find, relative to the 2 % quantile of the sizes.
-pub(crate) const SMALLEST_SIZE: f64 = 0.7;
+pub(crate) const MIN_SIZE: f64 = 0.7;
 
 /// All boxes and cameras.
 #[derive(Debug, Clone)]
@@ -82,8 +82,7 @@ impl Observations {
         for observation in &boxes {
             category_share[observation.category] += 1.0 / boxes.len() as f64;
         }
-        let least_half_size =
-            SMALLEST_SIZE * crate::association::statistics::quantile(&mut half_sizes, 0.02).unwrap_or(0.0);
+        let least_half_size = MIN_SIZE * crate::association::statistics::quantile(&mut half_sizes, 0.02).unwrap_or(0.0);
         let sizes = BoxSizes::of(&boxes);
         let mut observations = Self { cameras, boxes, categories, least_half_size, origin, sizes, category_share };
         for frame in 0..observations.cameras.len() {

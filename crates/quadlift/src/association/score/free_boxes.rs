@@ -8,7 +8,7 @@ use super::range_tree::{Part, RangeTree};
 pub(crate) const SQUARED_GATE: f64 = 25.0;
 
 /// Fewer boxes than this are searched linearly: a tree does not pay off.
-const LEAST_INDEXED: usize = 48;
+const MIN_INDEXED: usize = 48;
 
 /// The category of removed boxes.
 const TAKEN: u32 = u32::MAX;
@@ -96,7 +96,7 @@ impl FreeBoxes {
     /// Of some boxes.
     pub(crate) fn new(mut boxes: Vec<Free>) -> Self {
         boxes.sort_by(|a, b| a.center.x.total_cmp(&b.center.x));
-        let tree = if boxes.len() < LEAST_INDEXED {
+        let tree = if boxes.len() < MIN_INDEXED {
             RangeTree::default()
         } else {
             let point = |b: &Free| {

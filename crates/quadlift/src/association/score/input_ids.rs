@@ -6,7 +6,7 @@ use super::object::Object;
 use crate::association::input::observations::Observations;
 
 /// Maximum number of other objects to which a wrong id may belong.
-const MOST_RIVALS: f64 = 20.0;
+const MAX_RIVALS: f64 = 20.0;
 
 /// How often each id sits in each object.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -91,18 +91,18 @@ impl IdTally {
         }
         let here = counts.iter().find(|(o, _)| *o == object).map_or(0, |&(o, count)| others(o, count));
         let share = f64::from(here) / f64::from(total);
-        ((1.0 - self.wrong_share) * share * (objects as f64).min(MOST_RIVALS) + self.wrong_share).ln()
+        ((1.0 - self.wrong_share) * share * (objects as f64).min(MAX_RIVALS) + self.wrong_share).ln()
     }
 
     /// Upper bound of [`Self::bonus`].
     pub(crate) fn largest_bonus(&self) -> f64 {
-        if self.by_id.is_empty() { 0.0 } else { MOST_RIVALS.ln() }
+        if self.by_id.is_empty() { 0.0 } else { MAX_RIVALS.ln() }
     }
 
     /// The contribution of two ids to the score of a pair of boxes as a new object.
     pub(crate) fn pair_bonus(&self, a: Option<u32>, b: Option<u32>) -> f64 {
         match (a, b) {
-            (Some(a), Some(b)) if a == b => MOST_RIVALS.ln(),
+            (Some(a), Some(b)) if a == b => MAX_RIVALS.ln(),
             (Some(_), Some(_)) => self.wrong_share.ln(),
             _ => 0.0,
         }

@@ -14,7 +14,7 @@ pub(crate) const HIDDEN_SHARE: f64 = 0.05;
 const HIDDEN_BEYOND: f64 = -2.0;
 
 /// Maximum number of hidden edges of a box.
-const MOST_HIDDEN: usize = 2;
+const MAX_HIDDEN: usize = 2;
 
 /// The gain of taking a box for a detection of an object.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,7 +60,7 @@ impl<'a> LogLikelihoodRatios<'a> {
         let predicted = prediction.size();
         let mut hidden = [false; 4];
         let mut best: Option<LogLikelihoodRatio> = None;
-        for attempt in 0..=MOST_HIDDEN {
+        for attempt in 0..=MAX_HIDDEN {
             if attempt > 0 {
                 // One more edge is treated as hidden: the one farthest inside the prediction.
                 let deviation = |a: usize| residuals[a] / covariance[(a, a)].sqrt();

@@ -12,11 +12,11 @@ pub(crate) const RAY_SD: f64 = 0.2;
 pub(crate) const LOG_RADIUS_SD: f64 = 0.28;
 
 /// Gaps between rays, and log ratios of radii, are rejected above this many standard deviations.
-const LARGEST_GAP: f64 = 3.0;
-const LARGEST_RATIO: f64 = 2.5;
+const MAX_GAP: f64 = 3.0;
+const MAX_RATIO: f64 = 2.5;
 
 /// Squared sine of the angle between rays below which they do not determine depth (0.06 degrees).
-const LEAST_SQUARED_SINE: f64 = 1e-6;
+const MIN_SQUARED_SINE: f64 = 1e-6;
 
 /// A sphere.
 #[derive(Debug, Clone, Copy)]
@@ -44,14 +44,14 @@ pub(crate) fn pair_sphere(a: (&Camera, &BoxObservation), b: (&Camera, &BoxObserv
     let (p, q) = (da.dot(&between), db.dot(&between));
     // Depths of the points where the rays are nearest, times the determinant.
     let (za, zb) = (bb * p - ab * q, ab * p - aa * q);
-    if determinant.is_nan() || determinant < LEAST_SQUARED_SINE * aa * bb || za <= 0.0 || zb <= 0.0 {
+    if determinant.is_nan() || determinant < MIN_SQUARED_SINE * aa * bb || za <= 0.0 || zb <= 0.0 {
         return None;
     }
     let (za, zb) = (za / determinant, zb / determinant);
     let (ra, rb) = (box_a.radius_per_depth * za, box_b.radius_per_depth * zb);
     let (xa, xb) = (camera_a.center + da * za, camera_b.center + db * zb);
     let gap = (xa - xb).norm_squared();
-    if gap > (LARGEST_GAP * RAY_SD).powi(2) * (ra * ra + rb * rb) {
+    if gap > (MAX_GAP * RAY_SD).powi(2) * (ra * ra + rb * rb) {
         return None;
     }
     // The depths are uncertain, and the radii with them.
@@ -59,7 +59,7 @@ pub(crate) fn pair_sphere(a: (&Camera, &BoxObservation), b: (&Camera, &BoxObserv
     let depth_variance = (ra * ra / (za * za * aa) + rb * rb / (zb * zb * bb)) / squared_sine;
     let variance = 2.0 * 0.3 * 0.3 + 2.0 * RAY_SD * RAY_SD * depth_variance;
     let ratio = (ra / rb).ln();
-    if ratio * ratio > LARGEST_RATIO * LARGEST_RATIO * variance {
+    if ratio * ratio > MAX_RATIO * MAX_RATIO * variance {
         return None;
     }
     let (wa, wb) = (1.0 / (ra * ra), 1.0 / (rb * rb));

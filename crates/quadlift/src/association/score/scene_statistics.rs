@@ -19,7 +19,7 @@ const FIRST_CLUTTER_SHARE: f64 = 0.2;
 const MIN_INFORMATIVE_VIEWS: usize = 4;
 
 /// Largest standard deviation of a frame's shift, pixels.
-pub(crate) const LARGEST_SHIFT_SD: f64 = 10.0;
+pub(crate) const MAX_SHIFT_SD: f64 = 10.0;
 
 /// Learned statistics of a scene.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,7 +72,7 @@ impl SceneStatistics {
             objects: 1.0,
             hidden: Vec::new(),
             shifts: Vec::new(),
-            shift_sd: LARGEST_SHIFT_SD,
+            shift_sd: MAX_SHIFT_SD,
         }
     }
 

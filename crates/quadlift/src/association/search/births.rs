@@ -18,7 +18,7 @@ const ALL_PAIRS: usize = 1_000_000;
 
 /// Approximate number of free boxes of the partner frames (nearest first) that a box is paired with: in crowds not
 /// those of all frames.
-const MOST_PARTNERS: usize = 2000;
+const MAX_PARTNERS: usize = 2000;
 
 /// Range of the number of tested spheres per box, those with the best agreement first. With many free boxes fewer are
 /// tested, to limit the time.
@@ -140,7 +140,7 @@ fn pairs(scorer: &SphereScorer) -> Vec<Birth> {
         let partners = if all_pairs { &frames } else { &scorer.context.order.partners[observation.frame] };
         let (mut spheres, mut looked_at) = (Vec::new(), 0);
         for &frame in partners.iter().filter(|&&f| f as usize != observation.frame) {
-            if looked_at >= MOST_PARTNERS {
+            if looked_at >= MAX_PARTNERS {
                 break;
             }
             let partner_camera = &observations.cameras[frame as usize];

@@ -22,11 +22,11 @@ use crate::association::score::scene_statistics::SceneStatistics;
 use crate::association::statistics::{STUDENT_T_DOF, t_constant};
 
 /// Fewer boxes than this are searched linearly: a tree does not pay off.
-const LEAST_INDEXED: usize = 64;
+const MIN_INDEXED: usize = 64;
 
 /// Maximum number of candidate boxes of an object per frame: those with the largest gains. In crowds, more have a
 /// positive one.
-const MOST: usize = 16;
+const MAX_CANDIDATES_PER_FRAME: usize = 16;
 
 /// Bounds are loosened by this factor against rounding.
 const SLACK: f64 = 1.0 + 1e-6;
@@ -80,7 +80,7 @@ impl Candidates {
         let constants = SEEN.map(t_constant);
         for &index in boxes {
             let observation = &observations.boxes[index as usize];
-            if boxes.len() < LEAST_INDEXED || observation.cut.contains(&true) {
+            if boxes.len() < MIN_INDEXED || observation.cut.contains(&true) {
                 listed.push(index);
                 continue;
             }
@@ -105,7 +105,7 @@ impl Candidates {
         Self { listed, indexed, tree, bounds }
     }
 
-    /// The boxes with the greatest positive gains for an object whose outline in the frame is predicted, [`MOST`] at most,
+    /// The boxes with the greatest positive gains for an object whose outline in the frame is predicted, [`MAX_CANDIDATES_PER_FRAME`] at most,
     /// ascending by index. `bonus` is added to the gain of a box, and is `largest_bonus` at most.
     pub(crate) fn best(
         &self,
@@ -173,7 +173,7 @@ impl Best {
             return;
         }
         self.candidates.push(candidate);
-        if self.candidates.len() > MOST {
+        if self.candidates.len() > MAX_CANDIDATES_PER_FRAME {
             let worse =
                 |a: &&Candidate, b: &&Candidate| a.gain.value.total_cmp(&b.gain.value).then(b.index.cmp(&a.index));
             if let Some(worst) = self.candidates.iter().min_by(worse).map(|worst| worst.index) {
@@ -345,7 +345,7 @@ mod tests {
                     .collect();
                 totals[2] += expected.len();
                 expected.sort_by(|a, b| b.1.total_cmp(&a.1));
-                expected.truncate(MOST);
+                expected.truncate(MAX_CANDIDATES_PER_FRAME);
                 expected.sort_by_key(|(index, _)| *index);
                 let asked = Cell::new(0);
                 let counted = |index: u32| {

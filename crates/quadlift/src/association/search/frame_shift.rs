@@ -4,11 +4,11 @@ use nalgebra::Vector2;
 
 use crate::association::input::observations::Observations;
 use crate::association::score::object::Object;
-use crate::association::score::scene_statistics::{LARGEST_SHIFT_SD, SceneStatistics};
+use crate::association::score::scene_statistics::{MAX_SHIFT_SD, SceneStatistics};
 use crate::association::statistics::STUDENT_T_DOF;
 
 /// Smallest standard deviation of the shifts, pixels.
-const LEAST_SHIFT_SD: f64 = 0.2;
+const MIN_SHIFT_SD: f64 = 0.2;
 
 /// Minimum number of views of objects used to estimate the shift of a frame.
 pub(crate) const MIN_INFORMATIVE_VIEWS: usize = 4;
@@ -62,7 +62,7 @@ impl FrameShift {
 
 /// Standard deviation of the shifts, from the sum of their expected squares; `None` for too few frames.
 pub(crate) fn spread(squares: f64, frames: usize) -> Option<f64> {
-    let sd = || (0.5 * squares / frames as f64).sqrt().clamp(LEAST_SHIFT_SD, LARGEST_SHIFT_SD);
+    let sd = || (0.5 * squares / frames as f64).sqrt().clamp(MIN_SHIFT_SD, MAX_SHIFT_SD);
     (frames >= MIN_INFORMATIVE_FRAMES).then(sd)
 }
 

@@ -22,14 +22,14 @@ use crate::optimize::matching::{Pair, best_pairs};
 const WINDOW: usize = 12;
 
 /// Disagreement of the boxes of a new object, at most.
-const LARGEST_DISAGREEMENT: f64 = 6.0;
+const MAX_DISAGREEMENT: f64 = 6.0;
 
 /// Below this number of views an object is refitted at every box, later when its views have grown by this factor.
 pub(crate) const ALWAYS_FITTED: usize = 12;
 pub(crate) const REFIT_GROWTH: f64 = 1.15;
 
 /// Objects of two views die when they have been missed more often than this.
-pub(crate) const MOST_MISSES: usize = 4;
+pub(crate) const MAX_MISSES: usize = 4;
 
 /// In videos of more frames than `LONG_VIDEO`, objects that have not been seen for this many frames are skipped: the
 /// poses may have drifted.
@@ -37,7 +37,7 @@ const PARKED_AFTER: usize = 60;
 const LONG_VIDEO: usize = 400;
 
 /// Maximum number of tested pairs per box.
-const MOST_PAIRS: usize = 20_000;
+const MAX_PAIRS: usize = 20_000;
 
 /// An object while it grows.
 struct Growing {
@@ -127,7 +127,7 @@ pub(crate) fn new_pair(
     if let Some(size) = statistics.log_sizes[a.category] {
         pair.disagreement += 0.5 * ((pair.sphere.log_radius - size.mean) / size.sd).powi(2);
     }
-    if pair.disagreement.is_nan() || pair.disagreement >= LARGEST_DISAGREEMENT {
+    if pair.disagreement.is_nan() || pair.disagreement >= MAX_DISAGREEMENT {
         return None;
     }
     pair.disagreement -= tally.map_or(0.0, |t| t.pair_bonus(a.id, b.id));
@@ -193,7 +193,7 @@ impl Growth<'_> {
             let object = &growing.object;
             if object.boxes.len() < 3
                 && object.trusted_id.is_none()
-                && object.visible.saturating_sub(object.boxes.len()) > MOST_MISSES
+                && object.visible.saturating_sub(object.boxes.len()) > MAX_MISSES
             {
                 growing.alive = false;
                 self.alive -= 1;
@@ -275,7 +275,7 @@ impl Growth<'_> {
         let mut pairs: Vec<(f64, u32, u32, Sphere)> = Vec::new();
         for &new in left {
             let (camera, observation) = sides(new);
-            for &(_, old) in pool.iter().rev().take(MOST_PAIRS) {
+            for &(_, old) in pool.iter().rev().take(MAX_PAIRS) {
                 let pair = new_pair(self.statistics, self.tally.as_ref(), (camera, observation), sides(old));
                 pairs.extend(pair.map(|pair| (pair.disagreement, new, old, pair.sphere)));
             }

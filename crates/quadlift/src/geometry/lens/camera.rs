@@ -4,7 +4,7 @@ use nalgebra::{Point3, Vector2};
 
 use super::distortion::{distort, fold_radius, undistort};
 use crate::geometry::camera::{CameraError, Intrinsics};
-use crate::geometry::camera_model::{CameraModel, MOST_PARAMETERS};
+use crate::geometry::camera_model::{CameraModel, MAX_PARAMETERS};
 
 /// Rays farther than this from the optical axis are not undistorted, in degrees: in the plane of a pinhole camera they
 /// lie almost six focal lengths out and a pixel of the lens covers more than thirty.
@@ -14,7 +14,7 @@ pub const WIDEST_ANGLE_DEG: f64 = 80.0;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
     model: CameraModel,
-    params: [f64; MOST_PARAMETERS],
+    params: [f64; MAX_PARAMETERS],
     pinhole: Intrinsics,
     /// How far from the axis the model can be inverted, in the plane that its polynomial bends.
     pub(super) reach: f64,
@@ -43,7 +43,7 @@ impl Camera {
             (_, &[fx, fy, cx, cy, ..]) => Intrinsics::new(fx, fy, cx, cy)?,
             _ => return Err(CameraError::ParameterCount { model, found: params.len() }),
         };
-        let mut all = [0.0; MOST_PARAMETERS];
+        let mut all = [0.0; MAX_PARAMETERS];
         all[..params.len()].copy_from_slice(params);
         let mut camera = Self { model, params: all, pinhole, reach: f64::INFINITY };
         camera.check_coefficients()?;

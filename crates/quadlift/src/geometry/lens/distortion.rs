@@ -12,7 +12,7 @@ use nalgebra::{Matrix2, Vector2};
 use crate::geometry::camera_model::CameraModel as M;
 
 /// Most steps of Newton's method; it needs three to six.
-const MOST_STEPS: usize = 50;
+const MAX_STEPS: usize = 50;
 
 /// A residual below this, at focal length one, is zero: 1e-12 px at 1000 px.
 const CONVERGED: f64 = 1e-15;
@@ -207,7 +207,7 @@ fn unbend(model: M, k: &[f64], reach: f64, p: &Vector2<f64>) -> Option<Vector2<f
     let residual = |q: &Vector2<f64>| bend(model, k, q) - p;
     let mut q = within(*p);
     let mut error = residual(&q);
-    for _ in 0..MOST_STEPS {
+    for _ in 0..MAX_STEPS {
         if error.norm() <= CONVERGED * (1.0 + p.norm()) {
             break;
         }

@@ -12,7 +12,7 @@
 use nalgebra::{Matrix3, Matrix3x4, Point3, SVector};
 
 use super::arrowhead::{Arrowhead, CONDITIONED_ROUNDING};
-use super::pfd::{ClosedFormError, FEWEST_VIEWS};
+use super::pfd::{ClosedFormError, MIN_VIEWS};
 use crate::geometry::{DualQuadric, Ellipse, Ellipsoid, EllipsoidError, Projection, vech3};
 use crate::solve::triangulate::triangulate;
 
@@ -46,8 +46,8 @@ impl ConditionedSolution {
 /// # Errors
 /// [`ClosedFormError`].
 pub fn lfd(observations: &[(Projection, Ellipse)]) -> Result<ConditionedSolution, ClosedFormError> {
-    if observations.len() < FEWEST_VIEWS {
-        return Err(ClosedFormError::TooFewViews { found: observations.len(), needed: FEWEST_VIEWS });
+    if observations.len() < MIN_VIEWS {
+        return Err(ClosedFormError::TooFewViews { found: observations.len(), needed: MIN_VIEWS });
     }
     let centers: Vec<_> = observations.iter().map(|(projection, ellipse)| (*projection, ellipse.center)).collect();
     let start = triangulate(&centers).ok_or(ClosedFormError::Degenerate)?;
@@ -62,8 +62,8 @@ pub fn lfd_from(
     observations: &[(Projection, Ellipse)],
     start: &Point3<f64>,
 ) -> Result<ConditionedSolution, ClosedFormError> {
-    if observations.len() < FEWEST_VIEWS {
-        return Err(ClosedFormError::TooFewViews { found: observations.len(), needed: FEWEST_VIEWS });
+    if observations.len() < MIN_VIEWS {
+        return Err(ClosedFormError::TooFewViews { found: observations.len(), needed: MIN_VIEWS });
     }
     let depth = observations.iter().map(|(p, _)| p.depth(start).abs()).sum::<f64>() / observations.len() as f64;
     if !(depth.is_finite() && depth > 0.0) {

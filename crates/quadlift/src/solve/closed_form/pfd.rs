@@ -11,7 +11,7 @@ use super::arrowhead::{Arrowhead, Minimizer, PIXEL_ROUNDING};
 use crate::geometry::{DualQuadric, Ellipse, Projection, vech3};
 
 /// Minimum number of views for a unique solution.
-pub(crate) const FEWEST_VIEWS: usize = 3;
+pub(crate) const MIN_VIEWS: usize = 3;
 
 /// Why a closed form has no solution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -51,8 +51,8 @@ pub struct PfdSolution {
 /// # Errors
 /// [`ClosedFormError`].
 pub fn pfd(observations: &[(Projection, Ellipse)]) -> Result<PfdSolution, ClosedFormError> {
-    if observations.len() < FEWEST_VIEWS {
-        return Err(ClosedFormError::TooFewViews { found: observations.len(), needed: FEWEST_VIEWS });
+    if observations.len() < MIN_VIEWS {
+        return Err(ClosedFormError::TooFewViews { found: observations.len(), needed: MIN_VIEWS });
     }
     let system = pixel_system(observations);
     if system.is_degenerate(PIXEL_ROUNDING) {

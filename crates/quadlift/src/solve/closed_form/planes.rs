@@ -20,7 +20,7 @@ const ROWS_PER_BLOCK: usize = 40;
 const SINGULAR: f64 = 1e-13;
 
 /// Minimum number of tangent planes that determine a quadric.
-pub(crate) const FEWEST_PLANES: usize = 9;
+pub(crate) const MIN_PLANES: usize = 9;
 
 /// Solves for the quadric that the planes of the views' box edges touch best.
 ///
@@ -65,7 +65,7 @@ pub(crate) fn planes_in_frame(views: &[View], frame: &ObjectFrame) -> Result<Dua
             rows.push(tangency_row(&plane));
         }
     }
-    if rows.len() < FEWEST_PLANES {
+    if rows.len() < MIN_PLANES {
         return Err(Status::TooFewViews);
     }
     quadric_tangent_to(&mut rows).ok_or(Status::Degenerate)

@@ -17,7 +17,7 @@ use crate::solve::options::RegOptions;
 use crate::solve::triangulate::{object_radius, triangulate};
 
 /// Two views suffice: the sphere determines the remaining parameters.
-const FEWEST_VIEWS: usize = 2;
+const MIN_VIEWS: usize = 2;
 
 /// Maximum number of iterations.
 const MAX_ITERATIONS: usize = 200;
@@ -52,8 +52,8 @@ pub struct RegSolution {
 /// # Errors
 /// [`ClosedFormError`]; `Degenerate` when no start exists (all views from one point) or a number is not finite.
 pub fn reg(observations: &[(Projection, Ellipse)], options: &RegOptions) -> Result<RegSolution, ClosedFormError> {
-    if observations.len() < FEWEST_VIEWS {
-        return Err(ClosedFormError::TooFewViews { found: observations.len(), needed: FEWEST_VIEWS });
+    if observations.len() < MIN_VIEWS {
+        return Err(ClosedFormError::TooFewViews { found: observations.len(), needed: MIN_VIEWS });
     }
     let system = pixel_system(observations);
     let problem = Problem::new(&system, options.lambda);

@@ -28,7 +28,7 @@ use crate::solve::estimate::Matrix9;
 pub(crate) const COMMON_CLASSES: usize = 12;
 
 /// Rows of an object that are compared with each other, about: of more, evenly spread views are taken.
-const MOST_ROWS: usize = 320;
+const MAX_ROWS: usize = 320;
 
 /// Number of standard errors below which the variance of the field is set to zero.
 pub(super) const SIGNIFICANT: f64 = 2.0;
@@ -66,10 +66,10 @@ impl CommonRow {
     }
 }
 
-/// All rows of evenly spread views, about [`MOST_ROWS`] of them, and how many rows each stands for. Sums over pairs of
+/// All rows of evenly spread views, about [`MAX_ROWS`] of them, and how many rows each stands for. Sums over pairs of
 /// different rows grow with the square of that number, those over single rows with the number.
 fn thinned(rows: &[CommonRow]) -> (Vec<&CommonRow>, f64) {
-    let share = MOST_ROWS as f64 / rows.len().max(1) as f64;
+    let share = MAX_ROWS as f64 / rows.len().max(1) as f64;
     let keeps = |row: &&CommonRow| (row.view as f64 * share).floor() < ((row.view + 1) as f64 * share).floor();
     let kept: Vec<&CommonRow> = rows.iter().filter(|row| share >= 1.0 || keeps(row)).collect();
     let each = rows.len() as f64 / kept.len().max(1) as f64;

@@ -27,7 +27,7 @@ pub(crate) fn noise_prior(group: NoiseGroup) -> f64 {
 }
 
 /// Upper bound of the correlation between views.
-const LARGEST_CORRELATION: f64 = 0.9;
+const MAX_CORRELATION: f64 = 0.9;
 
 /// Minimum degrees of freedom to estimate the correlation of views.
 const ENOUGH_PAIRS: f64 = 16.0;
@@ -218,7 +218,7 @@ impl NoiseLevels {
         let exact = sd[NoiseGroup::Edge as usize] < 2.0 * NOISE_FLOOR.get();
         let correlation = statistics.neighbors.map(|[sum, pairs]| {
             let told = pairs > ENOUGH_PAIRS && !exact;
-            if told { (sum / pairs).clamp(0.0, LARGEST_CORRELATION) } else { 0.0 }
+            if told { (sum / pairs).clamp(0.0, MAX_CORRELATION) } else { 0.0 }
         });
         Self { sd, correlation, ..*self }
     }

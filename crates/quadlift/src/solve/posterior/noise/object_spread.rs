@@ -10,7 +10,7 @@ use crate::optimize::normal_equations::NormalEquations;
 use crate::solve::estimate::Matrix9;
 
 /// Upper bound of the cost of robustness.
-const LARGEST_COST: f64 = 1.5;
+const MAX_COST: f64 = 1.5;
 
 /// How well one object agrees with the noise levels of the scene: its sum of weighted squared residuals, and the degrees
 /// of freedom that are left in them.
@@ -87,7 +87,7 @@ fn cost_of_robustness<'a>(rows: impl Iterator<Item = &'a CommonRow> + Clone) -> 
     let slope = sum(|row| row.slope);
     let ratio = rows.clone().count() as f64 * scores * sum(|row| row.weight) / (slope * slope * squares);
     // Not reliable for few residuals.
-    if slope > 0.0 && ratio.is_finite() { ratio.clamp(1.0, LARGEST_COST) } else { 1.0 }
+    if slope > 0.0 && ratio.is_finite() { ratio.clamp(1.0, MAX_COST) } else { 1.0 }
 }
 
 /// The covariance of a robust fit whose errors have `variance` times the variance that its weights take them to have; that of the

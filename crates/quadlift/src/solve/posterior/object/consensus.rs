@@ -15,10 +15,10 @@ const WRONG_RANGE: f64 = 10.0;
 pub(crate) const USUAL_RESIDUALS: usize = 4;
 
 /// The fewest views that say more than a body can follow.
-const FEWEST: usize = 3;
+const MIN_VIEWS: usize = 3;
 
 /// A variance below this is that of exact data: a hundredth of the noise says no more than less.
-const SMALLEST_VARIANCE: f64 = 1e-4;
+const MIN_VARIANCE: f64 = 1e-4;
 
 /// Logarithm of the density of an edge of a wrong box, over that of an edge of the object at its most probable place.
 pub(crate) fn log_wrong_edge(noise: &NoiseLevels) -> f64 {
@@ -51,12 +51,12 @@ impl Consensus {
         for (k, cost) in view_costs.into_iter().enumerate() {
             sum += cost;
             let agree = k + 1;
-            if agree < FEWEST {
+            if agree < MIN_VIEWS {
                 continue;
             }
             let dof = (USUAL_RESIDUALS * agree - PARAMETERS) as f64;
             let variance = sum / dof;
-            let score = -0.5 * dof * (variance.max(SMALLEST_VARIANCE).ln() + 1.0) + (count - agree) as f64 * log_wrong;
+            let score = -0.5 * dof * (variance.max(MIN_VARIANCE).ln() + 1.0) + (count - agree) as f64 * log_wrong;
             if score > best.score {
                 best = Self { score, variance };
             }

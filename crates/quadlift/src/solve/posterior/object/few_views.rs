@@ -6,14 +6,14 @@ use std::sync::Arc;
 
 use super::agreement::{Reference, agrees, is_inconsistent};
 use super::fit::Fit;
-use super::objective::{FEWEST_VIEWS, OUTLIER_SCALE};
+use super::objective::{MIN_VIEWS, OUTLIER_SCALE};
 use super::problem::ObjectProblem;
 use crate::scene::ObjectViews;
 use crate::solve::posterior::context::PosteriorContext;
 use crate::solve::posterior::noise::levels::NoiseLevels;
 
 /// Minimum number of views for the rejection of one.
-const FEWEST_TO_LEAVE_OUT: usize = 3;
+const MIN_TO_LEAVE_OUT: usize = 3;
 
 impl Fit {
     /// If this fit to three or four views contradicts them: the fit without one of them, if the others are consistent
@@ -26,7 +26,7 @@ impl Fit {
     ) -> Option<Self> {
         let all = &self.problem.views;
         let count = all.views.len();
-        if !(FEWEST_TO_LEAVE_OUT..FEWEST_VIEWS).contains(&count) || !self.contradicts(noise, reference) {
+        if !(MIN_TO_LEAVE_OUT..MIN_VIEWS).contains(&count) || !self.contradicts(noise, reference) {
             return None;
         }
         let level = noise.scaled(reference.factor());

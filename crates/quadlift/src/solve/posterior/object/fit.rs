@@ -9,7 +9,7 @@ use super::agreement::{Reference, is_inconsistent};
 use super::covariance;
 use super::first_fit::{ALL, TURNED_STARTS};
 use super::model::Model;
-use super::objective::{FEWEST_VIEWS, OUTLIER_SCALE, Objective, outlier_scale};
+use super::objective::{MIN_VIEWS, OUTLIER_SCALE, Objective, outlier_scale};
 use super::outliers::fit_without_outliers;
 use super::problem::{FROM_START, ObjectProblem};
 use crate::body_model::BodyModel;
@@ -324,7 +324,7 @@ impl Fit {
         reference: Reference,
         context: &PosteriorContext,
     ) -> Self {
-        let enough = self.problem.views.views.len() >= FEWEST_VIEWS;
+        let enough = self.problem.views.views.len() >= MIN_VIEWS;
         let limit = self.largest_cost(reference);
         if self.outlier_scale.is_some() || !context.options.robust || !enough {
             return self;

@@ -30,14 +30,14 @@ pub(crate) fn usual_cost(sum: f64, residuals: usize) -> f64 {
 /// that agree do so less well than the noise of the scene lets expect, because then that noise is not the object's. Few views
 /// do not tell.
 pub(crate) fn outlier_scale(view_costs: Vec<f64>, noise: &NoiseLevels) -> f64 {
-    if view_costs.len() < FEWEST_VIEWS {
+    if view_costs.len() < MIN_VIEWS {
         return OUTLIER_SCALE;
     }
     OUTLIER_SCALE * Consensus::of(view_costs, noise).variance.sqrt().clamp(1.0, 10.0)
 }
 
 /// Minimum number of views to detect an outlier.
-pub(crate) const FEWEST_VIEWS: usize = 5;
+pub(crate) const MIN_VIEWS: usize = 5;
 
 /// Whitened residuals beyond this are excluded from the correlation between views.
 const MAX_CORRELATION_RESIDUAL: f64 = 4.0;
@@ -302,7 +302,7 @@ impl Objective<'_> {
         let weights = self.weights();
         let mut rows = Vec::with_capacity(16);
         let (mut squares, mut relative, mut dof) = (0.0, 0.0, 0.0);
-        let few = self.measurements.views.len() < FEWEST_VIEWS;
+        let few = self.measurements.views.len() < MIN_VIEWS;
         for (view, measured) in self.measurements.views.iter().enumerate() {
             view_rows(self.measurements, view, body, self.noise, self.smooth, &mut rows);
             let cost: f64 = rows.iter().map(|row| row.residual * row.residual).sum();

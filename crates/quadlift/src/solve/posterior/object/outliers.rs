@@ -5,17 +5,17 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::consensus::Consensus;
-use super::objective::{FEWEST_VIEWS, OUTLIER_SCALE, Objective, usual_cost};
+use super::objective::{MIN_VIEWS, OUTLIER_SCALE, Objective, usual_cost};
 use super::starts::{ellipsoid_from_quadric, unit_sphere};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::optimize::levenberg_marquardt::{Stop, minimize};
 use crate::scene::View;
-use crate::solve::closed_form::planes::{FEWEST_PLANES, quadric_tangent_to, tangency_row};
+use crate::solve::closed_form::planes::{MIN_PLANES, quadric_tangent_to, tangency_row};
 use crate::solve::posterior::noise::groups::NoiseGroup;
 use crate::solve::posterior::noise::levels::NoiseLevels;
 use crate::solve::posterior::residuals::measurements::Measurements;
-use crate::solve::posterior::residuals::row::SMALLEST_DEPTH;
+use crate::solve::posterior::residuals::row::MIN_DEPTH;
 
 /// A view whose squared residual is this many times the median view's makes a plain fit suspect. Gaussian residuals of
 /// four edges and 20 views exceed it now and then, so it only asks for a closer look.
@@ -28,7 +28,7 @@ const OUTLIER: f64 = 10.0;
 const FIRST_HYPOTHESES: usize = 12;
 
 /// Squared residuals below this are exact data: their ratios say nothing.
-const SMALLEST_MEDIAN: f64 = 1e-3;
+const MIN_MEDIAN: f64 = 1e-3;
 
 /// Number of hypotheses.
 const HYPOTHESES: usize = 60;
@@ -38,12 +38,12 @@ const REFINED: usize = 3;
 
 /// Ratio of the maximum to the median squared residual of the views; one with too few views.
 fn largest_to_median(view_costs: &[f64]) -> f64 {
-    if view_costs.len() < FEWEST_VIEWS {
+    if view_costs.len() < MIN_VIEWS {
         return 1.0;
     }
     let mut sorted = view_costs.to_vec();
     sorted.sort_by(f64::total_cmp);
-    sorted[sorted.len() - 1] / sorted[sorted.len() / 2].max(SMALLEST_MEDIAN)
+    sorted[sorted.len() - 1] / sorted[sorted.len() / 2].max(MIN_MEDIAN)
 }
 
 /// Searches for gross outliers after a plain fit to all views; returns the fit that the largest number of views agree with
@@ -99,7 +99,7 @@ pub(crate) fn fit_without_outliers(
 /// [`Objective::view_costs`], without derivatives.
 fn plane_costs(tangents: &Measurements, body: &impl BodyModel, noise: &NoiseLevels) -> Vec<f64> {
     let costs = tangents.views.iter().map(|view| {
-        let depth = (view.axis.dot(body.center()) + view.offset).max(SMALLEST_DEPTH);
+        let depth = (view.axis.dot(body.center()) + view.offset).max(MIN_DEPTH);
         let inverse = 1.0 / (depth * noise.of(NoiseGroup::Edge) * noise.size_factor(view.half_size));
         let edges = &tangents.edges[view.edges.clone()];
         let squares = edges.iter().map(|edge| {
@@ -165,7 +165,7 @@ fn hypothesis(tangents: &Measurements, triple: &[usize; 3]) -> [Option<Ellipsoid
         }
     }
     let sphere = sphere_from_middle_planes(&center_rows[..centers]);
-    let quadric = (rows.len() >= FEWEST_PLANES)
+    let quadric = (rows.len() >= MIN_PLANES)
         .then(|| quadric_tangent_to(&mut rows))
         .flatten()
         .and_then(|quadric| ellipsoid_from_quadric(&quadric));

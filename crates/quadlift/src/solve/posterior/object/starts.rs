@@ -17,7 +17,7 @@ use crate::solve::conditioning::ObjectFrame;
 const MIN_START_AXIS_RATIO: f64 = 0.2;
 
 /// A start farther than this (object sizes) from the triangulated center is rejected.
-const FARTHEST_START: f64 = 20.0;
+const MAX_START: f64 = 20.0;
 
 /// Semi-axes of an upright start whose size is not known, relative to their mean.
 const UPRIGHT_START_ASPECT: Vector3<f64> = Vector3::new(1.3, 0.8, 0.96);
@@ -30,7 +30,7 @@ pub(crate) fn unit_sphere(center: Vector3<f64>) -> EllipsoidModel {
 /// A start ellipsoid near a quadric that may not be an ellipsoid: only a start, not a result.
 pub(crate) fn ellipsoid_from_quadric(quadric: &DualQuadric) -> Option<EllipsoidModel> {
     let (center, shape) = quadric.center_and_shape()?;
-    if center.coords.norm() > FARTHEST_START {
+    if center.coords.norm() > MAX_START {
         return None;
     }
     let (values, axes) = symmetric_eigen3(&shape)?;

@@ -4,7 +4,7 @@
 
 use nalgebra::{Matrix3x4, Vector3};
 
-use super::row::{ResidualRow, SMALLEST_DEPTH};
+use super::row::{MIN_DEPTH, ResidualRow};
 use crate::body_model::{BodyModel, MeasuredShape};
 use crate::geometry::Body;
 use crate::geometry::rotation::horizontal_basis;
@@ -19,7 +19,7 @@ use crate::solve::posterior::noise::levels::{NoiseLevels, noise_prior};
 const RAYS: usize = 9;
 
 /// Bound of the logarithm of the visible depth over that from afar.
-const MOST_PERSPECTIVE: f64 = 0.5;
+const MAX_PERSPECTIVE: f64 = 0.5;
 
 /// A cue of one view, prepared.
 #[derive(Debug, Clone)]
@@ -127,7 +127,7 @@ impl MeasuredCue {
         let Kind::Depth(depth) = &mut self.kind else { return };
         let seen = view.measured_box().and_then(|b| visible_depth(&view.projection, &b, world, RAYS));
         if let (Some(seen), Some((afar, _))) = (seen, depth.depth_from_afar(body)) {
-            depth.perspective = (seen / (frame.unit * afar)).ln().clamp(-MOST_PERSPECTIVE, MOST_PERSPECTIVE);
+            depth.perspective = (seen / (frame.unit * afar)).ln().clamp(-MAX_PERSPECTIVE, MAX_PERSPECTIVE);
         }
     }
 
@@ -143,7 +143,7 @@ impl MeasuredCue {
     pub(crate) fn predicted_depth(&self, body: &impl BodyModel) -> Option<f64> {
         let Kind::Depth(measured) = &self.kind else { return None };
         let depth = measured.depth_from_afar(body)?.0 * measured.perspective.exp();
-        Some(depth).filter(|depth| depth + measured.shift > SMALLEST_DEPTH)
+        Some(depth).filter(|depth| depth + measured.shift > MIN_DEPTH)
     }
 
     /// 1 / standard deviation of the errors of a group in this cue.
@@ -205,17 +205,17 @@ impl MeasuredDepth {
         let (near, slope) = body.near_side(&self.ray);
         let depth = self.axis.dot(body.center()) + self.offset - self.cosine * near;
         let row = std::array::from_fn(|k| if k < 3 { self.axis[k] } else { -self.cosine * slope[k - 3] });
-        (depth > SMALLEST_DEPTH).then_some((depth, row))
+        (depth > MIN_DEPTH).then_some((depth, row))
     }
 
     /// Logarithm of the measured depth over that of the visible surface with the shift.
     fn residual(&self, body: &impl BodyModel) -> (f64, Row) {
         let shifted = |(depth, row): (f64, Row)| (depth + self.shift * (-self.perspective).exp(), row);
         match self.depth_from_afar(body).map(shifted) {
-            Some((depth, row)) if depth > SMALLEST_DEPTH => {
+            Some((depth, row)) if depth > MIN_DEPTH => {
                 (self.log_depth - depth.ln() - self.perspective, row.map(|x| -x / depth))
             }
-            _ => (self.log_depth - SMALLEST_DEPTH.ln(), [0.0; 9]),
+            _ => (self.log_depth - MIN_DEPTH.ln(), [0.0; 9]),
         }
     }
 }
@@ -254,8 +254,8 @@ impl MeasuredCenter {
     fn residuals(&self, body: &impl BodyModel) -> [(f64, Row); 3] {
         let from_camera = body.center() - self.camera;
         let along = from_camera.dot(&self.ray);
-        if along <= SMALLEST_DEPTH {
-            return [(self.log_distance - SMALLEST_DEPTH.ln(), [0.0; 9]); 3];
+        if along <= MIN_DEPTH {
+            return [(self.log_distance - MIN_DEPTH.ln(), [0.0; 9]); 3];
         }
         let row = |by_center: Vector3<f64>| std::array::from_fn(|k| if k < 3 { by_center[k] } else { 0.0 });
         let distance = (self.log_distance - along.ln(), row(-self.ray / along));

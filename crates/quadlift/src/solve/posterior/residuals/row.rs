@@ -5,7 +5,7 @@ use crate::solve::posterior::noise::groups::NoiseGroup;
 
 /// Depths below this (in object sizes) are taken as this: the object is at or behind the camera, and its residuals
 /// are very large.
-pub(crate) const SMALLEST_DEPTH: f64 = 1e-3;
+pub(crate) const MIN_DEPTH: f64 = 1e-3;
 
 /// One whitened residual: divided by the noise of its group.
 #[derive(Debug, Clone, Copy)]

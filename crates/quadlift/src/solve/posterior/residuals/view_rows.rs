@@ -2,13 +2,13 @@
 
 use super::harmonics::to_harmonics;
 use super::measurements::{Measurements, Plane};
-use super::row::{ResidualRow, SMALLEST_DEPTH};
+use super::row::{MIN_DEPTH, ResidualRow};
 use crate::body_model::BodyModel;
 use crate::solve::posterior::noise::levels::NoiseLevels;
 
 /// Whitened residual of a line, in absolute value, from which on the lines of its outline are compared one by one: something hides a
 /// part of the object there, and the harmonics would spread it over all of them.
-const FARTHEST_LINE: f64 = 3.0;
+const MAX_LINE: f64 = 3.0;
 
 /// Chooses, for each outline, whether it is compared by harmonics: where all its lines are near those of a body.
 pub(crate) fn choose_harmonics(measurements: &mut Measurements, body: &impl BodyModel, noise: &NoiseLevels) {
@@ -16,7 +16,7 @@ pub(crate) fn choose_harmonics(measurements: &mut Measurements, body: &impl Body
     for index in (0..measurements.views.len()).filter(|&k| measurements.views[k].outline).collect::<Vec<_>>() {
         measurements.views[index].harmonics = false;
         view_rows(measurements, index, body, noise, false, &mut rows);
-        measurements.views[index].harmonics = rows.iter().all(|row| row.residual.abs() < FARTHEST_LINE);
+        measurements.views[index].harmonics = rows.iter().all(|row| row.residual.abs() < MAX_LINE);
     }
 }
 
@@ -40,7 +40,7 @@ pub(crate) fn view_rows(
         return;
     }
     let depth = view.axis.dot(body.center()) + view.offset;
-    let (depth, axis) = if depth > SMALLEST_DEPTH { (depth, view.axis) } else { (SMALLEST_DEPTH, view.axis * 0.0) };
+    let (depth, axis) = if depth > MIN_DEPTH { (depth, view.axis) } else { (MIN_DEPTH, view.axis * 0.0) };
     let inverse = 1.0 / depth;
     // (n.t + d - h) / depth: for small errors the distance between measured and predicted edge in half sizes.
     let edge = |plane: &Plane| {

@@ -63,7 +63,7 @@ const LOG_VARIANCE_STEP: f64 = 0.25;
 const VARIANCE_ROUNDS: usize = 20;
 
 /// Smallest variance, in that of the noise: exact data.
-const SMALLEST_VARIANCE: f64 = 1e-8;
+const MIN_VARIANCE: f64 = 1e-8;
 
 /// How the views of an object agree with the best body of a kind.
 #[derive(Debug, Clone)]
@@ -225,7 +225,7 @@ impl BodyEvidence {
             if dof < 1.0 {
                 break;
             }
-            variance = (sum / dof).max(SMALLEST_VARIANCE);
+            variance = (sum / dof).max(MIN_VARIANCE);
         }
         (variance, dof)
     }

@@ -60,7 +60,7 @@ const SMALL_NOISE_FACTOR: f64 = 0.05;
 
 /// The same where sizes of categories are learned: detectors are not more exact than that against the usual level, and a body that
 /// follows two boxes leaves residuals that show less noise than there is.
-const LEAST_LEVEL: f64 = 0.3;
+const MIN_LEVEL: f64 = 0.3;
 
 /// Largest standard deviation of an object's distance from its nearest camera, relative to that, with which it tells a scale.
 const MAX_RELATIVE_DISTANCE_SD: f64 = 0.1;
@@ -282,7 +282,7 @@ impl SceneFit {
     /// What the residuals show of the noise, at most all of it: in few views the levels are drawn towards the default, and
     /// beside measurements that seem noisier than they are a prior would count too much.
     fn size_level(&self) -> f64 {
-        median_level(self.fits().filter_map(|fit| fit.goodness_of_fit(&self.noise))).clamp(LEAST_LEVEL, 1.0)
+        median_level(self.fits().filter_map(|fit| fit.goodness_of_fit(&self.noise))).clamp(MIN_LEVEL, 1.0)
     }
 
     /// The same with sizes of categories learned from the objects, if that is asked for.

@@ -20,7 +20,7 @@ use crate::tuning::{DEPTH_SCALE_SD, DEPTH_SHIFT_SD, EXTENT_BIAS_SD, FRAME_SCALE_
 const ENOUGH_FOR_MEDIAN: usize = 5;
 
 /// Largest change of a logarithm in one step.
-const LARGEST_STEP: f64 = 0.3;
+const MAX_STEP: f64 = 0.3;
 
 /// A constant of a source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -176,7 +176,7 @@ impl CueScales {
         let (step, covariance) = system.solve()?;
         self.covariance = covariance;
         // As a whole, so that it stays a descent.
-        let factor = (LARGEST_STEP / step.amax()).min(1.0);
+        let factor = (MAX_STEP / step.amax()).min(1.0);
         let values = self.values.keys().zip(step.iter()).map(|(constant, step)| (*constant, -step * factor)).collect();
         Some(Self { values, references: self.references.clone(), covariance: ScaleCovariance::default() })
     }

@@ -14,11 +14,11 @@ use crate::solve::pose_points_report::{PosePointsProblem, PosePointsReport};
 
 /// Median error of observations beyond which they are no points of the poses, pixels: structure from motion leaves out single ones that
 /// are further off (COLMAP's `filter_max_reproj_error`).
-const LARGEST_ERROR: f64 = 4.0;
+const MAX_ERROR: f64 = 4.0;
 
 /// Error of the positions that the scene has, relative to the focal length, beyond which pixels and positions do not belong together: three
 /// degrees, because all poses together may be turned.
-const LARGEST_ANGLE: f64 = 0.05;
+const MAX_ANGLE: f64 = 0.05;
 
 /// Standard deviations of the poses' errors with which points are tried: radians; shift relative to the distance of the points.
 const TRIED_ROTATION: f64 = 0.05;
@@ -47,10 +47,10 @@ impl PosePoints {
         let (tried, error) = points.tried(given_error, unknowns, options);
         report.error = finite(error);
         let elsewhere = points.median_as_given(&as_given).min(points.median_as_given(&tried));
-        let apart = LARGEST_ANGLE * points.usual_focal_length();
-        report.problem = if error > LARGEST_ERROR {
+        let apart = MAX_ANGLE * points.usual_focal_length();
+        report.problem = if error > MAX_ERROR {
             Some(PosePointsProblem::Contradict)
-        } else if elsewhere > apart.max(LARGEST_ERROR) {
+        } else if elsewhere > apart.max(MAX_ERROR) {
             Some(PosePointsProblem::Elsewhere { error: finite(elsewhere) })
         } else {
             None
@@ -81,7 +81,7 @@ impl PosePoints {
         let prior = PosePrior { first, estimated: false, may_be_exact: false, ..prior };
         let (mut poses, mut error) = (PoseCorrections::default(), given_error);
         for _ in 0..TRIED_STEPS {
-            if error <= LARGEST_ERROR {
+            if error <= MAX_ERROR {
                 break;
             }
             poses.update(SceneTerms { objects: Vec::new(), points: self.terms(&poses) }, &prior);
@@ -102,7 +102,7 @@ impl PosePoints {
 
     /// No points, where the corrections left so large errors that the points contradict the poses and the objects; `report` is theirs.
     pub(crate) fn left_out(report: PosePointsReport) -> Option<Self> {
-        let contradicts = report.problem.is_none() && report.error.is_none_or(|error| error > LARGEST_ERROR);
+        let contradicts = report.problem.is_none() && report.error.is_none_or(|error| error > MAX_ERROR);
         let report = PosePointsReport { noise: None, problem: Some(PosePointsProblem::Contradict), ..report };
         contradicts.then(|| Self { as_given: Some(report), ..Self::default() })
     }

@@ -10,7 +10,7 @@ use crate::parallel::map_indices;
 use crate::scene::{PointObservation, Scene, TrackedPoint};
 
 /// Largest angle between two rays of a point, below which it is left out (1.5 degrees, as COLMAP's `filter_min_tri_angle`).
-const LEAST_PARALLAX: f64 = 1.5 / 180.0 * std::f64::consts::PI;
+const MIN_PARALLAX: f64 = 1.5 / 180.0 * std::f64::consts::PI;
 
 /// Points that a frame shows, from which on it asks for no more.
 const POINTS_OF_FRAME: usize = 50;
@@ -38,7 +38,7 @@ pub(super) fn choose_tracks(scene: &Scene, unknowns: &PoseUnknowns) -> Vec<Track
         scene.points.iter().flat_map(|point| parts_of(point, longest, unknowns)).collect();
     let directions: Vec<Option<Matrix3<f64>>> =
         scene.frames.iter().map(|frame| frame.projection.m().try_inverse()).collect();
-    let has_parallax = map_indices(parts.len(), |k| parallax(&parts[k].1, &directions) >= LEAST_PARALLAX);
+    let has_parallax = map_indices(parts.len(), |k| parallax(&parts[k].1, &directions) >= MIN_PARALLAX);
     let mut order: Vec<usize> = (0..parts.len()).filter(|k| has_parallax[*k]).collect();
     order.sort_by_key(|k| std::cmp::Reverse(parts[*k].1.len()));
     let mut shown: BTreeMap<u32, usize> = BTreeMap::new();

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix6, Vector2};
 
 use super::pose_prior::{PoseLevels, PosePrior};
-use super::pose_system::{LARGEST_STEP, PoseEquations, PoseSystem};
+use super::pose_system::{MAX_STEP, PoseEquations, PoseSystem};
 use super::pose_terms::{Motion, SceneTerms};
 use crate::parallel::map_indices;
 use crate::tuning::CLEAR;
@@ -17,7 +17,7 @@ const LEVEL_TOLERANCE: f64 = 0.1;
 const DETERMINED: f64 = 1.0;
 
 /// Factor by which a level changes in one of these steps, at most.
-const LARGEST_FREE_STEP: f64 = 16.0;
+const MAX_FREE_STEP: f64 = 16.0;
 
 /// Standard deviations of the derivative of the evidence, and logarithm of the evidence, from which poses are suspected. Less than what
 /// corrections need: 5 is about three standard deviations.
@@ -33,7 +33,7 @@ const INITIAL_SD_FACTOR: f64 = 4.0;
 /// Frames that get one motion where slow errors are looked for, relative to their correlation length; and fewest of them: errors that last shorter show
 /// beside those of single frames and slower ones.
 const COARSE: f64 = 0.2;
-const FEWEST_TOGETHER: f64 = 5.0;
+const MIN_TOGETHER: f64 = 5.0;
 
 /// The levels of one correlation length that errors may have, and what speaks for it.
 #[derive(Debug, Clone, Copy)]
@@ -56,7 +56,7 @@ impl PoseNoiseHypothesis {
         for _ in 0..LEVEL_STEPS {
             let Some(system) = PoseSystem::new(equations, levels, &before) else { break };
             evidence = Some(system.log_evidence());
-            let (shown, determined) = system.levels(equations, levels, LARGEST_FREE_STEP);
+            let (shown, determined) = system.levels(equations, levels, MAX_FREE_STEP);
             if !estimated || shown.change(&levels) < LEVEL_TOLERANCE || determined < DETERMINED {
                 break;
             }
@@ -104,7 +104,7 @@ impl PosePrior {
         ) {
             (false, _) => before,
             (true, true) => levels.scaled(INITIAL_SD_FACTOR).at_most(&before),
-            (true, false) => levels.within(&before, LARGEST_STEP),
+            (true, false) => levels.within(&before, MAX_STEP),
         };
         found.into_iter().map(next).collect()
     }
@@ -135,7 +135,7 @@ fn score_test_independent(terms: &SceneTerms) -> Vector2<f64> {
 /// Logarithm of the evidence for slow errors, with one motion for some frames that follow each other.
 fn drift_log_evidence(terms: &SceneTerms, first: PoseLevels) -> f64 {
     let together = COARSE * first.correlation_length;
-    if together < FEWEST_TOGETHER {
+    if together < MIN_TOGETHER {
         return f64::NEG_INFINITY;
     }
     let coarse = SceneTerms {

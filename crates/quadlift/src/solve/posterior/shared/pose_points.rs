@@ -20,7 +20,7 @@ const DOF: f64 = 5.0;
 const STUDENT_T: StudentT = StudentT::new(DOF);
 
 /// Least noise level: pixels are rounded to a hundredth.
-const LEAST_LEVEL: f64 = 0.02;
+const MIN_LEVEL: f64 = 0.02;
 
 /// Steps of Gauss and Newton for a point, and rounds of points and their noise level; iterations of the level for the same points.
 const STEPS: usize = 3;
@@ -31,14 +31,14 @@ const LEVEL_STEPS: usize = 20;
 const MEDIAN_OF_TWO: f64 = 2.0 * std::f64::consts::LN_2;
 
 /// Least share of an error that a point, or the poses, leave in the residual.
-const LEAST_FREEDOM: f64 = 0.1;
+const MIN_FREEDOM: f64 = 0.1;
 
 /// Largest factor on the gradient, and one over the least: that of distributions that are no worse than a normal one or Student's.
-const MOST_CALIBRATION: f64 = 1.5;
+const MAX_CALIBRATION: f64 = 1.5;
 
 /// Least information of a point along the rays, relative to that across them. Of 1.5 degrees of parallax it is a few times that; wrong
 /// observations, which hardly count, may have feigned them.
-const LEAST_CONDITION: f64 = 1e-5;
+const MIN_CONDITION: f64 = 1e-5;
 
 /// The points that help to correct the poses of a scene.
 #[derive(Debug, Clone, Default)]
@@ -165,17 +165,17 @@ impl PosePoints {
             fitted.places = map_indices(self.tracks.len(), place);
             let mut seen = self.residuals(&fitted, cameras);
             if seen.is_empty() {
-                return FittedPoints { level: LEAST_LEVEL, median: f64::INFINITY, ..fitted };
+                return FittedPoints { level: MIN_LEVEL, median: f64::INFINITY, ..fitted };
             }
             let free: f64 = seen.iter().map(|seen| seen.free).sum();
-            let left = (1.0 - 0.5 * taken / free).max(LEAST_FREEDOM);
+            let left = (1.0 - 0.5 * taken / free).max(MIN_FREEDOM);
             seen.iter_mut().for_each(|seen| seen.square /= left);
             seen.sort_by(|a, b| a.square.total_cmp(&b.square));
-            let mut level = (seen[seen.len() / 2].square / MEDIAN_OF_TWO).sqrt().max(LEAST_LEVEL);
+            let mut level = (seen[seen.len() / 2].square / MEDIAN_OF_TWO).sqrt().max(MIN_LEVEL);
             for _ in 0..LEVEL_STEPS {
                 let weighted =
                     |seen: &Residual| STUDENT_T.weight_of(seen.square / (level * level), 2) * seen.square * seen.free;
-                level = (seen.iter().map(weighted).sum::<f64>() / (2.0 * free)).sqrt().max(LEAST_LEVEL);
+                level = (seen.iter().map(weighted).sum::<f64>() / (2.0 * free)).sqrt().max(MIN_LEVEL);
             }
             fitted.level = level;
             // Points without a place are the worst ones.
@@ -207,7 +207,7 @@ impl PosePoints {
             return Calibration { gradient: 1.0, curvature: 1.0 };
         }
         // Of exact pixels, below the least level, nothing is spread.
-        let gradient = (slope / spread.max(f64::MIN_POSITIVE)).clamp(1.0 / MOST_CALIBRATION, MOST_CALIBRATION);
+        let gradient = (slope / spread.max(f64::MIN_POSITIVE)).clamp(1.0 / MAX_CALIBRATION, MAX_CALIBRATION);
         Calibration { gradient, curvature: slope / weights }
     }
 
@@ -274,7 +274,7 @@ fn residuals(
     let covariance = normal.cholesky()?.inverse();
     let residual = |(frame, rows, weight): (usize, PointRows, f64)| {
         let taken = 0.5 * weight * (rows.by_point * covariance * rows.by_point.transpose()).trace();
-        let (length, free) = (rows.residual.norm(), (1.0 - taken).max(LEAST_FREEDOM));
+        let (length, free) = (rows.residual.norm(), (1.0 - taken).max(MIN_FREEDOM));
         (frame, rows, Residual { length, square: length * length / free, free })
     };
     Some(rows.into_iter().map(residual).collect())
@@ -310,7 +310,7 @@ fn terms(
     }
     frames.sort_by_key(|term| term.frame);
     let eigenvalues = normal.symmetric_eigenvalues();
-    if eigenvalues.min() < LEAST_CONDITION * eigenvalues.max() {
+    if eigenvalues.min() < MIN_CONDITION * eigenvalues.max() {
         return None;
     }
     let covariance = (normal * calibration.curvature).cholesky()?.inverse();

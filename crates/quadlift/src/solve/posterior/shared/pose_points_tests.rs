@@ -131,7 +131,7 @@ fn the_noise_level_is_that_of_the_pixels_and_steps_follow_the_cameras() {
         let scene = scene(noise);
         let points = points(&scene);
         let level = points.fitted(&PoseCorrections::default()).level;
-        assert!(if noise > 0.0 { (level / noise - 1.0).abs() < 0.25 } else { level == LEAST_LEVEL }, "{level}");
+        assert!(if noise > 0.0 { (level / noise - 1.0).abs() < 0.25 } else { level == MIN_LEVEL }, "{level}");
         // Two cameras that are wrong are put right, up to what moves all together.
         let wrong = Vector6::new(0.004, -0.003, 0.002, 0.02, 0.0, -0.02);
         let moved = BTreeMap::from([(1, wrong), (2, -wrong)]);

@@ -17,14 +17,14 @@ const ITERATIONS: usize = 60;
 const TOLERANCE: f64 = 1e-8;
 
 /// Smallest and largest estimated level, relative to the first one.
-const SMALLEST: f64 = 1e-4;
-const LARGEST: f64 = 4.0;
+const MIN_LEVEL_FACTOR: f64 = 1e-4;
+const MAX_LEVEL_FACTOR: f64 = 4.0;
 
 /// Number of parameters for which the usual ratio of the levels of rotations and shifts counts: as few as keep both from zero.
 const TIED: f64 = 1.0;
 
 /// Factor by which a level changes in one step, at most: noise levels and objects follow.
-pub(super) const LARGEST_STEP: f64 = 2.0;
+pub(super) const MAX_STEP: f64 = 2.0;
 
 /// What the measurements say about the motions, with objects and points eliminated.
 #[derive(Debug, Clone)]
@@ -294,7 +294,7 @@ impl PoseSystem {
             let expected = other * usual;
             let updated = ((sum(&squares) + TIED * expected * expected) / (determined + TIED)).sqrt();
             let updated = updated.clamp(level / largest_step, largest_step * level);
-            (updated.clamp(SMALLEST * usual, LARGEST * usual), determined)
+            (updated.clamp(MIN_LEVEL_FACTOR * usual, MAX_LEVEL_FACTOR * usual), determined)
         };
         let (usual, now) = (levels.first, levels.noise);
         let [rotation, translation] = [now.rotation_sd / usual.rotation_sd, now.translation_sd / usual.translation_sd];

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use nalgebra::{Matrix6, SMatrix};
 
 use super::pose_prior::{PoseLevels, PosePrior};
-use super::pose_system::{LARGEST_STEP, PoseEquations, PoseSystem};
+use super::pose_system::{MAX_STEP, PoseEquations, PoseSystem};
 use super::pose_terms::{Motion, ObjectPoseTerms, SceneTerms};
 use super::pose_unknowns::{Correction, PoseUnknowns};
 use crate::geometry::Projection;
@@ -51,7 +51,7 @@ impl PoseCorrections {
         let stepped =
             |(number, step): (&usize, &Motion)| (*number, Correction::of(step).after(self.motions.get(number)));
         let motions = equations.numbers().iter().zip(system.step()).map(stepped).collect();
-        let (shown, determined) = system.levels(&equations, levels[0], LARGEST_STEP);
+        let (shown, determined) = system.levels(&equations, levels[0], MAX_STEP);
         if prior.estimated {
             levels[0] = shown;
         }

@@ -16,7 +16,7 @@ use crate::solve::options::SizePrior;
 use crate::tuning::{CATEGORY_SPREAD, LEARNT_DOF};
 
 /// Objects, worth this many that are well determined, that others need before they get a prior.
-const FEWEST_OTHERS: f64 = 2.0;
+const MIN_OTHERS: f64 = 2.0;
 
 /// Largest variance of the shapes of a category, relative to that of any objects.
 const ALIKE: f64 = 0.2;
@@ -187,7 +187,7 @@ impl Category {
     fn predict(&self) -> Option<SizeDistribution> {
         let covariance = self.spread + self.mean_covariance;
         let shape = (across() * covariance).trace();
-        let usable = self.worth >= FEWEST_OTHERS && shape < 2.0 * ALIKE * self.shape_sd * self.shape_sd;
+        let usable = self.worth >= MIN_OTHERS && shape < 2.0 * ALIKE * self.shape_sd * self.shape_sd;
         let dof = LEARNT_DOF.get() + self.worth;
         let finite = self.mean.iter().chain(covariance.iter()).all(|x| x.is_finite());
         (usable && finite).then_some(SizeDistribution { mean: self.mean, covariance, dof, named: self.named })
