@@ -184,7 +184,7 @@ def record(program, folder):
     for name, scene, _ in real:
         cases.add(f"info/{name}", f"info --json ../../in/real/{scene}.json")
     for path in sorted((DATA.parent / "cases").glob("*.json")):
-        verb = "calibrate-rig --include-posed" if path.stem.startswith("calibrate_rig") else "localize"
+        verb = "calibrate-rig --include-posed" if path.stem.startswith("calibrate") else "localize"
         cases.add(f"cases/{path.stem}", f"{verb} -o result.json ../../in/cases/{path.name}")
     if (DATA.parent / "cases").exists():
         cases.add("locate/turned", "relocalize --include-posed -o result.json ../../in/cases/locate_map30.json ../../in/cases/locate_turned90.json")
