@@ -206,7 +206,7 @@ mod tests {
             decimals: 3,
         });
         let text = summary(std::slice::from_ref(&report)).to_markdown();
-        assert!(text.contains("| tuw | O3D | 0.55 | PfD+REG+ES | 0.812 | map |"), "{text}");
+        assert!(text.contains("| tuw | O3D | 0.55 | PfD+REG+ES | 0.812 | posterior |"), "{text}");
         assert_eq!(report.headline("x").unwrap().ours, ours);
         assert!(page(&[report], "quadlift-bench all", "results").ends_with("\n"));
     }

@@ -16,9 +16,9 @@ from ._estimates import Alternative, AssociatedObject, Estimate, Evaluation, Inc
 from ._formats import CameraOptions, DetectionOptions, ExportOptions
 from ._limits import set_max_pixels
 from ._localize import localize
-from ._relocalize import LocatedPose, Location
 from ._object_map import FrameUpdate, MapObject, MapObjects, ObjectMap
 from ._options import Options, Prior
+from ._relocalize import LocatedPose, Location
 from ._rerun import log_recording
 from ._scene import Estimates, Scene
 

@@ -37,7 +37,7 @@ class CalibratedCamera:
     rotation_sd, position_sd : float or None
         Standard deviations, root mean squares of the axes: radians, world units.
     time_steps : int
-        Instants at which it sees bodies together with calibrated cameras.
+        Time steps at which it sees bodies together with calibrated cameras.
     residual_px : float or None
         Root mean square distance of measured and predicted edges, pixels.
     edge_noise : float or None
@@ -126,12 +126,12 @@ def calibrate_rig(
     boxes : array, shape (M, 4)
         Left, top, right, bottom in pixels, without lens distortion.
     cameras, time_steps : arrays of M integers
-        The camera of each box, from 0, and its time_step: the same number for all cameras, in the order of time.
+        The camera of each box, from 0, and its time step: the same number for all cameras, in the order of time.
     intrinsics : array, shape (C, 3, 3)
         ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`` of each camera.
     objects : M names, optional
-        The same in all cameras and at all time_steps; None where it is not known. Boxes without one are matched by where
-        they are.
+        The same in all cameras and at all time steps; None where it is not known. Boxes without one are matched by
+        where they are.
     categories : M names, optional
         Categories; boxes without one are taken as those of people of unknown size.
     image_sizes : array, shape (C, 2), optional

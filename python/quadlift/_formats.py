@@ -63,7 +63,7 @@ class CameraOptions(TypedDict, total=False):
 class DetectionOptions(TypedDict, total=False):
     """Options of `Scene.from_detections`: what the files of some formats lack."""
 
-    names: Path
+    class_names: Path
     """YOLO, MOTChallenge, tables: a file of class names, one per line, or the `names` of a .yaml file."""
     annotations: Path
     """COCO results: the data set that names images and categories."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _arrays, _checks, _core, _found, _relocalize, _options, _rerun
+from . import _arrays, _checks, _core, _found, _options, _relocalize, _rerun
 from ._core import QuadliftError
 from ._estimates import InconsistentSceneWarning
 from ._relocalize import Location

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from . import _checks, _core, _estimates, _fiftyone, _relocalize, _notebook, _options, _rerun
+from . import _checks, _core, _estimates, _fiftyone, _notebook, _options, _relocalize, _rerun
 from ._adapters import FromOtherPackages
 from ._align import Alignment
 from ._estimates import EstimateArrays
@@ -356,10 +356,10 @@ class Estimates(EstimateArrays):
     body : str
         The fitted kind of body, ``"mixed"`` if objects differ (see ``body_kinds``).
     noise : dict
-        Estimated noise levels by name; empty for methods other than ``"posterior"``. Standard deviations: ``edge_noise``
-        and ``occluded_edge_noise`` relative to half the size of the box, ``edge_noise_px`` in pixels, those of ellipses
-        relative to the mean semi-axis or of logarithms of axes. ``edge_correlation`` and ``ellipse_correlation`` are
-        correlations between consecutive views. ``edge_common`` and others with this ending are errors common to the
+        Estimated noise levels by name; empty for methods other than ``"posterior"``. Standard deviations:
+        ``edge_noise`` and ``occluded_edge_noise`` relative to half the size of the box, ``edge_noise_px`` in pixels,
+        those of ellipses relative to the mean semi-axis or of logarithms of axes. ``edge_correlation`` and
+        ``ellipse_correlation`` are correlations between consecutive views. ``edge_common`` and others with this ending are errors common to the
         views of an object, in units of the noise; ``residual_level`` and ``residual_spread`` describe differences
         between objects. These affect covariances only.
     cue_scales : list of dict

@@ -62,16 +62,16 @@ def localize(
     noise_model : mapping, optional
         Noise levels, as in `Estimates.noise`.
     body : str
-        As in `quadlift.localize`. If `noise_model` are missing or this is ``"auto"``, they are estimated immediately, on the
-        driver, from a sample of the objects that depends on their ids only. Without the column `object`, they are
-        estimated for each scene separately.
+        As in `quadlift.localize`. If `noise_model` is missing or this is ``"auto"``, they are estimated immediately,
+        on the driver, from a sample of the objects that depends on their ids only. Without the column `object`, they
+        are estimated for each scene separately.
     up : str or array_like, shape (3,), optional
         World direction against gravity: an axis such as ``"-y"``, or a direction.
     length_unit : str, optional
         World unit; ``"m"`` is required for ``priors="builtin"``.
     occluded_edges : bool
-        Detect box edges that are probably hidden by another box of the frame, as the program does for ``method="posterior"``.
-        It needs an additional shuffle; without it results differ for overlapping boxes.
+        Detect box edges that are probably hidden by another box of the frame, as the program does for
+        ``method="posterior"``. It needs an additional shuffle; without it results differ for overlapping boxes.
     broadcast_cameras : int
         Up to this number of frames (150 bytes each) all cameras are broadcast to every task; beyond it they are joined
         to the detections. The results are the same.

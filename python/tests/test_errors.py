@@ -100,7 +100,7 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     "up": ({"up": [0, 0, 0]}, "up: [0.0, 0.0, 0.0] is not a direction"),
     "empty": ({"frames": [], "boxes": np.zeros((0, 4)), "objects": []}, "there is nothing to localize"),
     "no objects": ({"objects": -np.ones(10, int), "associate": "never"}, "10 detections have no object id"),
-    "method": ({"method": "magic"}, 'method is "magic"; expected one of map, planes'),
+    "method": ({"method": "magic"}, 'method is "magic"; expected one of posterior, planes'),
     "body": ({"body": "ball"}, 'body is "ball"; expected one of auto, ellipsoid'),
     "exponent": ({"body": "superellipsoid:3"}, 'body is "superellipsoid:3"; expected'),
     "method of a body": ({"method": "lfd", "body": "cuboid"}, 'body is an option of method="posterior" only'),

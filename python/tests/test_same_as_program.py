@@ -325,12 +325,12 @@ def test_calibrated_regions(program: Program, tmp_path: Path) -> None:
     distances = np.sort(np.einsum("ni,nij,nj->n", errors, np.linalg.inv(ours.covariances[:, :3, :3]), errors))
     # ceil(0.9 * 31) = 28 of 30.
     np.testing.assert_allclose(again["squared_distance"]["center"]["0.9"], distances[27], rtol=1e-6)
-    with pytest.raises(quadlift.QuadliftError, match=r'calibration: .*no object that is "ok"'):
+    with pytest.raises(quadlift.QuadliftError, match=r'coverage: .*no object that is "ok"'):
         scenes[new].localize(coverage=[(scenes[known], scenes[known])])
     with pytest.raises(quadlift.QuadliftError, match="coverage is an option of method"):
         scenes[new].localize(method="lfd", coverage=[pair])
     wrong: Any = [scenes[known]]
-    with pytest.raises(quadlift.QuadliftError, match=r"calibration\[0\] is .*; expected a pair"):
+    with pytest.raises(quadlift.QuadliftError, match=r"coverage\[0\] is .*; expected a pair"):
         scenes[new].localize(coverage=wrong)
     wrong = [("result.json", scenes[known])]
     with pytest.raises(quadlift.QuadliftError, match=r"calibration\[0\]\[0\]"):

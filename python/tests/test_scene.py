@@ -251,7 +251,7 @@ def test_options_of_files(made: Arrays, cameras: quadlift.Scene, tmp_path: Path)
     path.write_text("\n".join(lines) + "\n")
     names.write_text("cup\nmug\njar\npot\n")
     found = quadlift.Scene.from_detections(
-        path, cameras, frame_column="photo", names=names, source="mine", min_score=0.7, image_size=(640, 480)
+        path, cameras, frame_column="photo", class_names=names, source="mine", min_score=0.7, image_size=(640, 480)
     )
     detections = found.to_dict()["detections"]
     assert {(d["source"], d["score"]) for d in detections} == {("mine", 0.9)}

@@ -130,8 +130,8 @@ def localize_objects(
     length_unit : str, optional
         World unit.
     **options
-        `noise_model` and `body` (both are needed with `method="posterior"`, see `noise`), `method`, `priors`, `min_views`,
-        `reg_weight`, `seed`, as in `quadlift.localize`.
+        `noise_model` and `body` (both are needed with `method="posterior"`, see `noise`), `method`, `priors`,
+        `min_views`, `reg_weight`, `seed`, as in `quadlift.localize`.
 
     Returns
     -------
@@ -147,14 +147,14 @@ def localize_objects(
 
     Notes
     -----
-    With given `noise_model` the scales of depths and 3D boxes are not estimated: divide the depths of a source by its factor
-    first (`Estimates.cue_scales` of a sample).
+    With given `noise_model` the scales of depths and 3D boxes are not estimated: divide the depths of a source by its
+    factor first (`Estimates.cue_scales` of a sample).
     """
     settings = Settings.of(options, OF_OBJECTS, up, length_unit)
     if not settings.is_complete():
         raise QuadliftError(
-            'noise_model and a body other than "auto" are needed, because what a batch tells of them depends on how the '
-            "rows are cut into batches; take both from quadlift.batches.noise"
+            'noise_model and a body other than "auto" are needed, because what a batch tells of them depends on how '
+            "the rows are cut into batches; take both from quadlift.batches.noise"
         )
     table = _tables.table(rows, "rows")
     cameras, detections, problems = objects_of(table, cameras)
@@ -187,8 +187,8 @@ def noise(
     Parameters
     ----------
     rows, cameras, up, length_unit, **options
-        As in `localize_objects`; given `noise_model` or `body` are kept. A few hundred objects are enough; beyond 2000 only
-        every second, third, ... is used. Invalid objects are skipped.
+        As in `localize_objects`; given `noise_model` or `body` are kept. A few hundred objects are enough; beyond 2000
+        only every second, third, ... is used. Invalid objects are skipped.
 
     Returns
     -------
