@@ -359,9 +359,9 @@ class Estimates(EstimateArrays):
         Estimated noise levels by name; empty for methods other than ``"posterior"``. Standard deviations:
         ``edge_noise`` and ``occluded_edge_noise`` relative to half the size of the box, ``edge_noise_px`` in pixels,
         those of ellipses relative to the mean semi-axis or of logarithms of axes. ``edge_correlation`` and
-        ``ellipse_correlation`` are correlations between consecutive views. ``edge_common`` and others with this ending are errors common to the
-        views of an object, in units of the noise; ``residual_level`` and ``residual_spread`` describe differences
-        between objects. These affect covariances only.
+        ``ellipse_correlation`` are correlations between consecutive views. ``edge_common`` and others with this
+        ending are errors common to the views of an object, in units of the noise; ``residual_level`` and
+        ``residual_spread`` describe differences between objects. These affect covariances only.
     cue_scales : list of dict
         What the sources of depths and 3D boxes are wrong by: ``source`` (None: unnamed), ``quantity`` (``"depth"``,
         ``"box3d_distance"``, ``"box3d_length"``, ``"box3d_width"``, ``"box3d_height"``, the last three with a

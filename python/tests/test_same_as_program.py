@@ -333,5 +333,5 @@ def test_calibrated_regions(program: Program, tmp_path: Path) -> None:
     with pytest.raises(quadlift.QuadliftError, match=r"coverage\[0\] is .*; expected a pair"):
         scenes[new].localize(coverage=wrong)
     wrong = [("result.json", scenes[known])]
-    with pytest.raises(quadlift.QuadliftError, match=r"calibration\[0\]\[0\]"):
+    with pytest.raises(quadlift.QuadliftError, match=r"coverage\[0\]\[0\]"):
         scenes[new].localize(coverage=wrong)
