@@ -125,6 +125,7 @@ pub(super) const TEXTS: &[Text] = &[
     of("stream", "resume", INPUT, "", "Continue from the file of --state"),
     of("stream", "source", INPUT, "SOURCE", "Use only this source of a scene"),
     of("align", "up_sd", MODEL, "DEG", "Set the error of the up directions"),
+    of("relocalize", "camera_height", POSES, "HEIGHT,SD", "Set the height of the cameras"),
     of("calibrate-rig", "include_posed", INPUT, "", "Calibrate cameras that have a pose too"),
     of("calibrate-rig", "upright", MODEL, "CATEGORY", "Name categories whose bodies are upright"),
     of("evaluate", "ground_truth", "", "GROUND_TRUTH", "Scene with true objects or true ids"),
@@ -223,7 +224,6 @@ pub(super) const TEXTS: &[Text] = &[
     of("", "fixed_extrinsics", POSES, "", "Keep the cameras of a rig in place"),
     of("", "up_in_camera", POSES, "X,Y,Z", "Set the direction upwards in the cameras"),
     of("", "up_sd", POSES, "DEG", "Set the error of that direction"),
-    of("", "camera_height", POSES, "HEIGHT,SD", "Set the height of the cameras"),
     // Corrections.
     of("", "fix", CORRECTIONS, "", "Apply the corrections that the check proposes"),
     of("", "allow_inconsistent", CORRECTIONS, "", "Continue with an inconsistent scene"),
