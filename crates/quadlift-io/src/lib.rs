@@ -1,7 +1,7 @@
 //! File input and output of quadlift: the scene file ([`scene_file`]), the file of size priors ([`priors`]), other programs'
 //! formats in ([`read`]) and out ([`mod@write`]), scenes as Parquet tables (`tables`, feature
-//! `parquet`), and what the program and the Python package do with files: [`association`], [`evaluation`], [`calibration`],
-//! [`segmentation`], [`relocalize`], [`align`], [`calibrate-rig`].
+//! `parquet`), and what the program and the Python package do with files: [`association`], [`evaluation`], [`coverage`],
+//! [`segmentation`], [`relocalize`], [`align`], [`calibrate_rig`].
 //!
 //! Readers reject invalid input with a [`ReadError`] that names the file, the place in it, what was found and what
 //! was expected. Writers that fail leave the existing file unchanged.

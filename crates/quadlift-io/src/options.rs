@@ -40,7 +40,7 @@ pub fn option_value(json: &Value) -> Option<OptionValue> {
     })
 }
 
-/// Refuses an option that is given beside those of [`quadlift::run::RUN`] and needs the method `map`.
+/// Refuses an option that is given beside those of [`quadlift::run::RUN`] and needs the method `posterior`.
 ///
 /// # Errors
 /// A text that names the option.

@@ -39,7 +39,7 @@
 //!
 //! | [`Method`](solve::Method) | Measurements | Views | Covariance | One object in 20 views | Source |
 //! | --- | --- | --- | --- | --- | --- |
-//! | `map` (default) | boxes, ellipses, masks | 2 | yes | 1.6 ms; ellipsoids only: 0.2 to 0.5 ms | docs/method.md, sections 5 to 12 |
+//! | `posterior` (default) | boxes, ellipses, masks | 2 | yes | 1.6 ms; ellipsoids only: 0.2 to 0.5 ms | docs/method.md, sections 5 to 12 |
 //! | `planes` | boxes, masks | 3 | no | 0.1 ms | docs/method.md, section 4.4 |
 //! | `lfd` | ellipses, or those inscribed in boxes | 3 | no | 26 us | LfD (TPAMI 2017) |
 //! | `pfd` | ellipses, or those inscribed in boxes | 3 | no | 9 us | *3D Pose from Detections*, section 3 |

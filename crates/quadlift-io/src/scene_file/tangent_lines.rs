@@ -1,4 +1,4 @@
-//! From masks to the supporting lines of detections, for `map` and `planes`.
+//! From masks to the supporting lines of detections, for `posterior` and `planes`.
 
 use std::collections::BTreeMap;
 use std::path::Path;

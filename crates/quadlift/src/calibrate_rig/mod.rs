@@ -94,7 +94,7 @@ pub struct KnownBaseline {
     pub length: f64,
 }
 
-/// Options of [`calibrate-rig`].
+/// Options of [`calibrate_rig()`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CalibrateOptions {
     /// Distances that are known: they tell the scale.

@@ -6,7 +6,7 @@ use super::predicted::{Predicted, Shape, across};
 use crate::geometry::rigid::Pose;
 use crate::optimize::student_t::StudentT;
 
-/// Degrees of freedom of the Student t distribution of residuals, as of `map`.
+/// Degrees of freedom of the Student t distribution of residuals, as of `posterior`.
 const DOF: f64 = 9.0;
 
 /// The distribution of whitened residuals.

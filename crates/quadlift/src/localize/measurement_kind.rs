@@ -5,9 +5,9 @@ use crate::scene::{Detection, View};
 /// Which measurements of a detection are used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MeasurementKind {
-    /// All measurements of the detection. With box and ellipse, `map` uses the box for position and size and the
+    /// All measurements of the detection. With box and ellipse, `posterior` uses the box for position and size and the
     /// ellipse for shape; `planes` uses the box; `lfd`, `pfd` and `reg` use the ellipse. With an outline or a turned box
-    /// ([`Detection::tangent_lines`]), `map` and `planes` use its supporting lines instead of the edges of the box.
+    /// ([`Detection::tangent_lines`]), `posterior` and `planes` use its supporting lines instead of the edges of the box.
     #[default]
     Auto,
     /// The box; detections without one are skipped.
@@ -16,7 +16,7 @@ pub enum MeasurementKind {
     Ellipse,
     /// Box and ellipse, as with `Auto`; detections without either of them are skipped.
     BoxAndEllipse,
-    /// The supporting lines of mask, outline or turned box instead of the edges of the box, with `map` and `planes`; detections without
+    /// The supporting lines of mask, outline or turned box instead of the edges of the box, with `posterior` and `planes`; detections without
     /// any ([`Detection::tangent_lines`]) are skipped.
     Mask,
 }

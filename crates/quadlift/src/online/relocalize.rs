@@ -39,7 +39,7 @@ impl ObjectMap {
         (ids, LandmarkMap::new(landmarks))
     }
 
-    /// The options of [`ObjectMap::locate`] with the noise of boxes that the map has learned.
+    /// The options of [`ObjectMap::relocalize`] with the noise of boxes that the map has learned.
     pub fn locate_options(&self) -> LocateOptions {
         LocateOptions { edge_noise: self.running.statistics.edge_noise, ..Default::default() }
     }

@@ -44,7 +44,7 @@ pub struct LocatedImage<'a> {
     pub query: &'a Query,
     /// The options with which it was located.
     pub options: LocateOptions,
-    /// What [`LandmarkMap::locate`] found.
+    /// What [`LandmarkMap::relocalize`] found.
     pub located: &'a Relocalization,
 }
 

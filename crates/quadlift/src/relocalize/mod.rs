@@ -116,7 +116,7 @@ pub struct CameraHeight {
     pub sd: f64,
 }
 
-/// Options of [`LandmarkMap::locate`].
+/// Options of [`LandmarkMap::relocalize`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct LocateOptions {
     /// Standard deviation of the edges of boxes, relative to their mean half size.
@@ -150,7 +150,7 @@ pub enum LocateStatus {
     TooFewObjects,
     /// No pose explains it better than chance.
     NoPose,
-    /// All images are clearly better explained once a common mistake is corrected. [`LandmarkMap::locate`] sees one image and does not check it:
+    /// All images are clearly better explained once a common mistake is corrected. [`LandmarkMap::relocalize`] sees one image and does not check it:
     /// callers with several use [`LandmarkMap::common_mistake`].
     Inconsistent,
 }

@@ -7,7 +7,7 @@ use crate::geometry::rigid::Pose;
 use crate::geometry::{box_of_outline, skew};
 use crate::optimize::student_t::StudentT;
 
-/// Degrees of freedom of an edge's Student t distribution, as of `map`.
+/// Degrees of freedom of an edge's Student t distribution, as of `posterior`.
 pub(super) const DOF: f64 = 9.0;
 
 /// First damping, and the factor by which it changes.

@@ -95,7 +95,7 @@ pub(crate) struct Fold {
     pub object: usize,
     /// The views that are left out, as indices into [`ObjectViews::views`].
     pub views: Vec<usize>,
-    /// Whether `map` starts from the fit to all views, which is quick, instead of the object's own starts. If several
+    /// Whether `posterior` starts from the fit to all views, which is quick, instead of the object's own starts. If several
     /// bodies fit the other views, the left-out ones influence which one is found.
     pub warm_start: bool,
 }
