@@ -43,13 +43,6 @@ def table(heading: str) -> tuple[list[str], list[list[str]]]:
     return rows[0], [row for row in rows[1:] if not set("".join(row)) <= set("-: ")]
 
 
-def american(text: str) -> str:
-    """The spelling of the pages."""
-    for british, spelling in [("centre", "center"), ("time_steps", "time steps")]:
-        text = text.replace(british, spelling)
-    return text
-
-
 def noerr(cell: str) -> str:
     """A figure without its standard error."""
     return re.sub(r" ± .*", "", cell)
@@ -71,7 +64,7 @@ def emit(header: list[str], rows: list[list[str]], text_columns: int = 1) -> Non
     aligned = ["---"] * text_columns + ["---:"] * (len(header) - text_columns)
     for row in [header, aligned, *rows]:
         assert len(row) == len(header), (header, row)
-        out.append("| " + " | ".join(american(cell) for cell in row) + " |")
+        out.append("| " + " | ".join(row) + " |")
     out.append("")
 
 
@@ -185,7 +178,7 @@ rows = [
         "PfD+REG, published (simulated boxes)",
         *[
             summary(f"kitti | {what}, rrc boxes, aligned poses", 2)
-            for what in ("O3D", "centre < 1 m, %", "centre < 2 m, %")
+            for what in ("O3D", "center < 1 m, %", "center < 2 m, %")
         ],
         "",
         "",
@@ -203,7 +196,7 @@ for m, s, label in [
 ]:
     r = [label]
     for p in ("rrc, aligned", "rrc, oxts"):
-        for me in ("O3D", "centre < 1 m, %", "centre < 2 m, %"):
+        for me in ("O3D", "center < 1 m, %", "center < 2 m, %"):
             r.append(one(H, p, method=m, setting=s, measure=me))
     rows.append(r)
 emit(["method", "aligned: 3D IoU", "< 1 m", "< 2 m", "GPS: 3D IoU", "< 1 m", "< 2 m"], rows)
@@ -417,8 +410,8 @@ def tr(s, reg, col, cov="default"):
 
 
 rows = [
-    [s if s != "LMO" else "LINEMOD-Occluded", tr(s, "centre", "objects")]
-    + [tr(s, "centre", c) for c in ("50 %", "90 %", "95 %")]
+    [s if s != "LMO" else "LINEMOD-Occluded", tr(s, "center", "objects")]
+    + [tr(s, "center", c) for c in ("50 %", "90 %", "95 %")]
     + [tr(s, "body", "median")]
     for s in ("LINEMOD", "LMO", "TUW", "KITTI aligned", "KITTI oxts", "all")
 ]
@@ -529,14 +522,14 @@ emit(
     pick(
         "KITTI, RRC boxes, aligned poses, simulated cues: averages over S05, S09, S22, S36 and 5 seeds",
         lambda d: "shift" not in d["known"],
-        ["known", "O3D", "centre < 1 m, %"],
+        ["known", "O3D", "center < 1 m, %"],
     ),
 )
 text("One labeled image, car prior and known ground: median center error in meters by distance.")
 emit(
     ["measurements", "0 to 15 m", "15 to 30 m", "30 to 60 m", "3D IoU"],
     pick(
-        "KITTI, one labelled image, car prior and ground: median error of the centre, metres",
+        "KITTI, one labelled image, car prior and ground: median error of the center, metres",
         lambda d: "shift" not in d["known"],
         ["known", "0 to 15 m", "15 to 30 m", "30 to 60 m", "O3D"],
     ),
@@ -547,7 +540,7 @@ text(
 emit(
     ["frames", "one true scale", "varying scale, not modeled", "varying scale, modeled"],
     pick(
-        "Scales of frames: centre error",
+        "Scales of frames: center error",
         lambda d: True,
         ["frames", "one scale", "a scale in each frame, not told", "a scale in each frame"],
     ),
@@ -624,7 +617,7 @@ rows = []
 for mp in ("every second frame", "one side"):
     for cat in ("30", "3", "1"):
         r = [mp, cat]
-        for m in ("relocalize", "locate, gravity", "centres"):
+        for m in ("relocalize", "relocalize, gravity", "centers"):
             g = lambda c: one(LR, c, **{"map from": mp, "categories": cat, "method": m})
             r += [g("right [%]") + ", " + g("wrong [%]")]
         rows.append(r)
@@ -643,7 +636,7 @@ for s in (
 ):
     r = [s]
     for mp in ("every second frame", "one side"):
-        for m in ("relocalize", "centres"):
+        for m in ("relocalize", "centers"):
             g = lambda c: one(RR, c, **{"scene": s, "map from": mp, "method": m})
             r.append(g("right [%]") + ", " + g("wrong [%]"))
     rows.append(r)
@@ -659,8 +652,8 @@ rows = []
 for m, l in [
     ("align, rigid", "`align`"),
     ("align, similarity", "`align --similarity`"),
-    ("centres, rigid", "centers, rigid"),
-    ("centres, similarity", "centers, similarity"),
+    ("centers, rigid", "centers, rigid"),
+    ("centers, similarity", "centers, similarity"),
 ]:
     r = [l]
     for cat in ("30", "3", "1"):
@@ -723,7 +716,7 @@ for sel in [
     ("8", "3", "100", "0.05", "yes", "anywhere"),
     ("4", "1", "100", "0.03", "yes", "one line"),
 ]:
-    kw = dict(zip(("cameras", "people", "time_steps", "noise", "ids", "path"), sel), method="calibrate_rig")
+    kw = dict(zip(("cameras", "people", "time steps", "noise", "ids", "path"), sel), method="calibrate-rig")
     rows.append(
         list(sel[:5])
         + [sel[5]]

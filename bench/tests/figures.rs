@@ -372,7 +372,7 @@ fn commands_notice_mistakes_and_refuse_no_right_scene() {
     let parts = [
         (1, Part::Localize, 0.85),
         (1, Part::Stream, 0.7),
-        (1, Part::LocateOne, 0.85),
+        (1, Part::RelocalizeOne, 0.85),
         (4, Part::Align, 0.85),
         (4, Part::CalibrateRig, 0.95),
     ];

@@ -204,7 +204,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
     let titles = [
         "cameras",
         "people",
-        "time_steps",
+        "time steps",
         "noise",
         "ids",
         "path",
@@ -242,7 +242,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
             WalkPath::Line => "one line",
             WalkPath::Spot => "one place each",
         };
-        for (method, tally) in ["calibrate", "eight points"].into_iter().zip(tallies) {
+        for (method, tally) in ["calibrate-rig", "eight points"].into_iter().zip(tallies) {
             let ids = if ids { "yes" } else { "no" };
             let labels = [cameras.to_string(), pedestrians.to_string(), time_steps.to_string(), noise.to_string()];
             let labels = labels.into_iter().chain([ids, path, method].map(str::to_owned)).map(Cell::from);
@@ -251,7 +251,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
         steps.done();
     }
     report.table(table);
-    let headline = |id, what, value| Headline::ours(id, what, "calibrate", value);
+    let headline = |id, what, value| Headline::ours(id, what, "calibrate-rig", value);
     report.headlines.push(headline(
         "calibrate_right",
         "share of fixed cameras that are right, of four and eight cameras with 100 time steps and more, the lowest",

@@ -176,7 +176,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
                 let share = |n: usize| n as f64 / tally.images.max(1) as f64;
                 (share(tally.right).min(right), share(tally.wrong).max(wrong))
             });
-            for (k, method) in ["relocalize", "locate, gravity", "centers"].into_iter().enumerate() {
+            for (k, method) in ["relocalize", "relocalize, gravity", "centers"].into_iter().enumerate() {
                 let tally = all(k);
                 let labels = [split.name().to_owned(), categories.to_string(), method.to_owned()].map(Cell::from);
                 table.push(labels.into_iter().chain(tally.cells()).collect());

@@ -25,14 +25,14 @@ pub enum Part {
     /// `stream`, without ids.
     Stream,
     /// `relocalize`, of one image.
-    LocateOne,
+    RelocalizeOne,
     /// `relocalize`, of four images.
-    Locate,
+    Relocalize,
     /// `align`.
     Align,
-    /// `calibrate`, of two cameras.
-    CalibrateTwo,
-    /// `calibrate`, of four cameras.
+    /// `calibrate-rig`, of two cameras.
+    CalibrateRigTwo,
+    /// `calibrate-rig`, of four cameras.
     CalibrateRig,
 }
 
@@ -58,10 +58,10 @@ impl Part {
         Self::WithoutIds,
         Self::RefinePoses,
         Self::Stream,
-        Self::LocateOne,
-        Self::Locate,
+        Self::RelocalizeOne,
+        Self::Relocalize,
         Self::Align,
-        Self::CalibrateTwo,
+        Self::CalibrateRigTwo,
         Self::CalibrateRig,
     ];
 
@@ -71,10 +71,10 @@ impl Part {
             Self::WithoutIds => "localize, without ids",
             Self::RefinePoses => "localize, refined poses",
             Self::Stream => "stream",
-            Self::LocateOne => "relocalize, one image",
-            Self::Locate => "relocalize, four images",
+            Self::RelocalizeOne => "relocalize, one image",
+            Self::Relocalize => "relocalize, four images",
             Self::Align => "align",
-            Self::CalibrateTwo => "calibrate-rig, two cameras",
+            Self::CalibrateRigTwo => "calibrate-rig, two cameras",
             Self::CalibrateRig => "calibrate-rig, four cameras",
         }
     }
@@ -86,11 +86,13 @@ impl Part {
             Self::WithoutIds => ["without_ids_noticed", "without_ids_wrong_and_ok", "without_ids_refused"],
             Self::RefinePoses => ["refine_poses_noticed", "refine_poses_wrong_and_ok", "refine_poses_refused"],
             Self::Stream => ["stream_noticed", "stream_wrong_and_ok", "stream_refused"],
-            Self::LocateOne => ["locate_one_noticed", "locate_one_wrong_and_ok", "locate_one_refused"],
-            Self::Locate => ["locate_noticed", "locate_wrong_and_ok", "locate_refused"],
+            Self::RelocalizeOne => ["relocalize_one_noticed", "relocalize_one_wrong_and_ok", "relocalize_one_refused"],
+            Self::Relocalize => ["relocalize_noticed", "relocalize_wrong_and_ok", "relocalize_refused"],
             Self::Align => ["align_noticed", "align_wrong_and_ok", "align_refused"],
-            Self::CalibrateTwo => ["calibrate_two_noticed", "calibrate_two_wrong_and_ok", "calibrate_two_refused"],
-            Self::CalibrateRig => ["calibrate_noticed", "calibrate_wrong_and_ok", "calibrate_refused"],
+            Self::CalibrateRigTwo => {
+                ["calibrate_rig_two_noticed", "calibrate_rig_two_wrong_and_ok", "calibrate_rig_two_refused"]
+            }
+            Self::CalibrateRig => ["calibrate_rig_noticed", "calibrate_rig_wrong_and_ok", "calibrate_rig_refused"],
         }
     }
 
@@ -98,9 +100,9 @@ impl Part {
     fn wrong(self) -> &'static str {
         match self {
             Self::Localize | Self::WithoutIds | Self::RefinePoses | Self::Stream => objects::WRONG,
-            Self::LocateOne | Self::Locate => relocalize::WRONG,
+            Self::RelocalizeOne | Self::Relocalize => relocalize::WRONG,
             Self::Align => align::WRONG,
-            Self::CalibrateTwo | Self::CalibrateRig => calibrate_rig::WRONG,
+            Self::CalibrateRigTwo | Self::CalibrateRig => calibrate_rig::WRONG,
         }
     }
 
@@ -108,7 +110,7 @@ impl Part {
     fn fewer(self) -> u64 {
         match self {
             Self::Localize => 1,
-            Self::LocateOne | Self::Align => 2,
+            Self::RelocalizeOne | Self::Align => 2,
             _ => 5,
         }
     }
@@ -120,10 +122,10 @@ impl Part {
             Self::WithoutIds => Ok(objects::localized(Localized::WithoutIds, numbers)),
             Self::RefinePoses => Ok(objects::localized(Localized::RefinedPoses, numbers)),
             Self::Stream => Ok(stream::streamed(numbers)),
-            Self::LocateOne => relocalize::relocalized(numbers, 1),
-            Self::Locate => relocalize::relocalized(numbers, 4),
+            Self::RelocalizeOne => relocalize::relocalized(numbers, 1),
+            Self::Relocalize => relocalize::relocalized(numbers, 4),
             Self::Align => align::aligned(numbers),
-            Self::CalibrateTwo => calibrate_rig::calibrated(numbers, 2),
+            Self::CalibrateRigTwo => calibrate_rig::calibrated(numbers, 2),
             Self::CalibrateRig => calibrate_rig::calibrated(numbers, 4),
         }
     }

@@ -298,7 +298,8 @@ mod tests {
 
     #[test]
     fn detections_of_the_source_are_joined_with_what_the_estimate_says_of_them() {
-        let views = json!([{ "frame": "0", "inlier": false, "residual_px": 7.0, "rejection_reason": "residual" }, { "frame": "2", "inlier": true }]);
+        let rejected = json!({ "frame": "0", "inlier": false, "residual_px": 7.0, "rejection_reason": "residual" });
+        let views = json!([rejected, { "frame": "2", "inlier": true }]);
         let file = estimate(json!({ "id": "cup", "status": "degenerate", "view_residuals_px": views }));
         let report = report(&content(&scene(3), &file)).unwrap();
         let states: Vec<&[u8]> = report.frames.iter().map(|frame| &*frame.detections.state).collect();

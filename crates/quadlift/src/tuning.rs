@@ -5,7 +5,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Log odds that are clear wherever answers are compared: 100 to 1 (ours).
-pub(crate) const CLEAR: f64 = 4.605;
+pub const CLEAR: f64 = 4.605;
 
 /// A tuned constant.
 #[derive(Debug, Clone, Copy)]

@@ -80,8 +80,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "CAM_A,CAM_B,LENGTH", value_parser = baseline)]
     baseline: Vec<Baseline>,
 
-    /// Sizes of categories: builtin (meters), a TOML file, or none. With --baseline or given poses builtin is only used if the scene has the
-    /// `length_unit` "m"
+    /// Sizes of categories: builtin (meters), a TOML file, or none. With --baseline or given poses builtin is only used if the scene has
+    /// the `length_unit` "m"
     #[arg(long, value_name = "FILE", default_value = "builtin")]
     priors: PathBuf,
 

@@ -1,7 +1,7 @@
 //! What is assumed of two files: their scale by their units, their verticals; and whether the objects contradict that.
 
-use quadlift::align::{AlignOptions, AlignStatus, Alignment, CommonUp, MapObject, align};
-use quadlift::nalgebra::{Point3, Unit, Vector3};
+use quadlift::align::{AlignOptions, AlignStatus, Alignment, CLEAR, CommonUp, MapObject, align};
+use quadlift::nalgebra::{Unit, Vector3};
 
 use super::map_objects::MapObjects;
 use crate::scene_file::SceneFile;
@@ -62,31 +62,17 @@ const SCALE_DEVIATIONS: f64 = 3.0;
 const MIN_DIFFERENCE: f64 = 0.01;
 const WRONG_SCALE: f64 = 0.03;
 
-/// Difference of the evidence from which a free scale or a mirror image is right and what was assumed is wrong: odds of 100 to 1.
-const CLEARLY: f64 = 4.605;
-
-/// The mirror image of a map in its origin, which changes no shape.
-fn mirrored(map: &[MapObject]) -> Vec<MapObject> {
-    let mut mirrored = map.to_vec();
-    mirrored.iter_mut().for_each(|object| object.ellipsoid.center = Point3::from(-object.ellipsoid.center.coords));
-    mirrored
-}
-
-/// The same options for the mirror image of the second map.
-fn mirrored_options(options: &AlignOptions) -> AlignOptions {
-    let up = options.up.map(|up| CommonUp { up_in_b: -up.up_in_b, ..up });
-    AlignOptions { up, ..*options }
-}
-
-/// Aligns two maps, their mirror images, and again without what was assumed: maps whose objects contradict the known scale are not aligned, although the best
-/// transform with that scale may be the only one.
+/// Aligns two maps, the first one with the mirror image of the second, and both again without what was assumed: maps whose objects
+/// contradict the known scale, or whose mirror image fits clearly better, are not aligned, although the best transform may be the only one.
 pub fn align_checked(a: &MapObjects, b: &MapObjects, options: &AlignOptions) -> (Alignment, Option<Contradiction>) {
     let with = |options: &AlignOptions| align(&a.objects, &b.objects, options);
     let mut found = with(options);
     let is_found = |found: &Alignment| found.status == AlignStatus::Ok;
     let evidence_of = |found: &Alignment| found.transforms.first().map_or(f64::NEG_INFINITY, |best| best.evidence);
-    let mirror = align(&a.objects, &mirrored(&b.objects), &mirrored_options(options));
-    if is_found(&mirror) && evidence_of(&mirror) > evidence_of(&found) + CLEARLY {
+    let up_in_mirror = options.up.map(|up| CommonUp { up_in_b: -up.up_in_b, ..up });
+    let mirrored: Vec<MapObject> = b.objects.iter().map(MapObject::mirrored).collect();
+    let mirror = align(&a.objects, &mirrored, &AlignOptions { up: up_in_mirror, ..*options });
+    if is_found(&mirror) && evidence_of(&mirror) > evidence_of(&found) + CLEAR {
         found.status = AlignStatus::NoAlignment;
         return (found, Some(Contradiction::Mirrored));
     }
@@ -97,7 +83,7 @@ pub fn align_checked(a: &MapObjects, b: &MapObjects, options: &AlignOptions) -> 
             let sd = best.sds()[2];
             let evidence = evidence_of(&found);
             if off > MIN_DIFFERENCE.max(SCALE_DEVIATIONS * sd) {
-                if off > WRONG_SCALE && best.evidence > evidence + CLEARLY {
+                if off > WRONG_SCALE && best.evidence > evidence + CLEAR {
                     found.status = AlignStatus::NoAlignment;
                 }
                 return (found, Some(Contradiction::Scale { found: best.a_from_b.scale, sd, known }));

@@ -118,8 +118,8 @@ impl SceneFile {
     /// taken at one time step. With `all` given poses are not used.
     ///
     /// # Errors
-    /// [`EntryError`], as of [`SceneFile::to_scene`], names the first invalid entry; also a frame without a camera or a time step, two frames of
-    /// a camera at one time step, and a camera whose frames have different poses.
+    /// [`EntryError`], as of [`SceneFile::to_scene`], names the first invalid entry; also a frame without a camera or a time step, two
+    /// frames of a camera at one time step, and a camera whose frames have different poses.
     pub fn to_rig(&self, all: bool) -> Result<RigScene, EntryError> {
         let time_step_of = time_steps(&self.frames)?;
         let numbers: HashMap<&str, usize> = self.cameras.iter().enumerate().map(|(k, c)| (c.id.as_str(), k)).collect();

@@ -20,8 +20,8 @@ const RECORDS: [&str; 18] = [
     "detections",
     "ellipse",
     "frames",
-    "mask",
     "goodness_of_fit",
+    "mask",
     "objects",
     "oriented_box",
     "point_cloud",
@@ -35,12 +35,14 @@ const RECORDS: [&str; 18] = [
 #[rustfmt::skip]
 const PLAIN: [&str; 70] = [
     "angle", "box", "cam_from_world", "camera", "category", "center", "center_sd", "confidence", "coordinates",
-    "counts", "truncated_by_border", "normalized_residual", "direction", "distance", "edge_error", "format", "frame", "half_extents", "half_height",
-    "height", "id", "image", "inlier", "iou", "length_unit", "log_odds", "matrix", "median", "method", "model", "name",
-    "notes", "object", "observed_pixels", "observed_points", "occluded", "suspect_view", "outline", "params", "path", "points", "polygons", "predicted_iou", "projection", "radii",
-    "reason", "rejection_reason", "relative_residual", "residual_px", "rotation", "scale", "score", "semi_axes", "size", "source",
-    "status", "support_exponent", "time", "touches_other_masks", "transform", "truncated", "up", "value", "version", "views",
-    "views_rejected", "views_used", "visible_fraction", "warnings", "width",
+    "counts", "direction", "distance", "edge_error", "format", "frame", "half_extents", "half_height", "height",
+    "id", "image", "inlier", "iou", "length_unit", "log_odds", "matrix", "median", "method", "model", "name",
+    "normalized_residual", "notes", "object", "observed_pixels", "observed_points", "occluded", "outline", "params",
+    "path", "points", "polygons", "predicted_iou", "projection", "radii", "reason", "rejection_reason",
+    "relative_residual", "residual_px", "rotation", "scale", "score", "semi_axes", "size", "source", "status",
+    "support_exponent", "suspect_view", "time", "touches_other_masks", "transform", "truncated",
+    "truncated_by_border", "up", "value", "version", "views", "views_rejected", "views_used", "visible_fraction",
+    "warnings", "width",
 ];
 
 /// Checks the number of values in unknown fields of a scene file's text.

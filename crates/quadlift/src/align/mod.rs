@@ -54,8 +54,8 @@ use nalgebra::{Point3, SMatrix, Unit, Vector3};
 
 use self::prepared::PreparedMaps;
 use crate::geometry::{Ellipsoid, Similarity};
-use crate::solve::{Covariance, Estimate, Status};
-use crate::tuning::CLEAR;
+use crate::solve::{Covariance, Estimate, Matrix9, Status};
+pub use crate::tuning::CLEAR;
 
 /// An object of a map.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,6 +74,20 @@ impl MapObject {
     pub fn from_estimate(estimate: &Estimate, category: Option<String>) -> Option<Self> {
         (estimate.status == Status::Ok).then_some(())?;
         Some(Self { ellipsoid: estimate.ellipsoid()?, covariance: estimate.covariance, category })
+    }
+
+    /// Its mirror image in the origin, which changes no shape: but for a rotation, where a map with left-handed axes has it.
+    pub fn mirrored(&self) -> Self {
+        let sign = |k: usize| if k < 3 { -1.0 } else { 1.0 };
+        let of_covariance = |covariance: Covariance| {
+            let matrix = Matrix9::from_fn(|i, j| sign(i) * sign(j) * covariance.matrix[(i, j)]);
+            Covariance { matrix, ..covariance }
+        };
+        Self {
+            ellipsoid: Ellipsoid { center: Point3::from(-self.ellipsoid.center.coords), ..self.ellipsoid },
+            covariance: self.covariance.map(of_covariance),
+            category: self.category.clone(),
+        }
     }
 }
 

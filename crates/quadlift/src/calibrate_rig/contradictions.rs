@@ -2,7 +2,7 @@
 //! be below the floor.
 
 use super::adjust::{log_focal, uncertainty};
-use super::outcome::memory;
+use super::outcome::inflation_of;
 use super::solution::Solution;
 use super::{CalibratedCamera, Contradiction};
 use crate::optimize::median::median;
@@ -36,7 +36,7 @@ pub(super) fn contradictions(solution: &Solution, answers: &[CalibratedCamera]) 
     };
     let worst = |value: &dyn Fn(usize) -> f64| cameras.iter().copied().max_by(|&a, &b| value(a).total_cmp(&value(b)));
     let Some(noisiest) = worst(&over_others) else { return Vec::new() };
-    let inflation = uncertainty(problem, &solution.state).map_or(1.0, |found| memory(solution, &found));
+    let inflation = uncertainty(problem, &solution.state).map_or(1.0, |found| inflation_of(solution, &found));
     let focal = log_focal(problem, &solution.state).unwrap_or_default();
     // Noise makes all focal lengths look too short.
     let of_others = |camera: usize| {
@@ -63,9 +63,10 @@ pub(super) fn contradictions(solution: &Solution, answers: &[CalibratedCamera]) 
     };
     if over_others(noisiest) > MAX_NOISE_RATIO {
         // A focal length far from the right one leaves noise, too.
-        let contradiction = match excess(noisiest) > least && noise(noisiest) <= MAX_EDGE_SD {
-            true => Contradiction::FocalLength(of_camera(noisiest).0.exp()),
-            false => Contradiction::Noise(over_others(noisiest)),
+        let contradiction = if excess(noisiest) > least && noise(noisiest) <= MAX_EDGE_SD {
+            Contradiction::FocalLength(of_camera(noisiest).0.exp())
+        } else {
+            Contradiction::Noise(over_others(noisiest))
         };
         return vec![(noisiest, contradiction)];
     }

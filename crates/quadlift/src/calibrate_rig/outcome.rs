@@ -153,7 +153,7 @@ fn largest(covariance: &Matrix6<f64>, first: usize) -> f64 {
 
 /// By how much variances grow because the errors of a body's boxes in a camera last longer than a time step: the variance of means of
 /// consecutive residuals, over that of independent ones.
-pub(super) fn memory(solution: &Solution, found: &Uncertainty) -> f64 {
+pub(super) fn inflation_of(solution: &Solution, found: &Uncertainty) -> f64 {
     let mut series: BTreeMap<(usize, usize, (usize, usize)), Vec<f64>> = BTreeMap::new();
     for (site, rows) in solution.problem.sites.iter().zip(&found.rows) {
         for (row, weight, _) in rows {
@@ -214,7 +214,7 @@ pub(super) fn calibration(
         }
         _ => uncertainty(problem, state),
     };
-    let inflation = found.as_ref().map_or(1.0, |found| memory(solution, found));
+    let inflation = found.as_ref().map_or(1.0, |found| inflation_of(solution, found));
     let seen = seen(prepared, solution);
     let layout = Layout::new(problem);
     let upwards = upwards(solution);

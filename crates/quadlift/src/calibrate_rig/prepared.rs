@@ -121,8 +121,8 @@ impl<'a> Prepared<'a> {
         Self { rig, boxes, categories, shapes }
     }
 
-    /// Pairs of boxes of two cameras that may show the same body, ordered by time steps; bodies that stand still have time steps of their own.
-    /// With a `shift` the boxes of the second camera are those of that many time steps later, so that they agree by chance alone.
+    /// Pairs of boxes of two cameras that may show the same body, ordered by time steps; bodies that stand still have time steps of their
+    /// own. With a `shift` the boxes of the second camera are those of that many time steps later, so that they agree by chance alone.
     pub(super) fn candidates(&self, first: usize, second: usize, shift: usize) -> Vec<Candidate> {
         let time_steps: Vec<&[PreparedBox]> = self.by_time_step().collect();
         let firsts: Vec<usize> =

@@ -169,9 +169,9 @@ pub struct Cause {
     /// Its parameter: the factor on focal lengths (`focal_length`), the factor on the box coordinates (`image_size`),
     /// the side of the letterboxed image in pixels (`letterbox`), the coefficient of a radial lens
     /// (`missing_distortion`), the EXIF orientation (`picture_orientation`), the number of frames (`frame_offset`), of
-    /// time steps (`camera_offset`), the fraction of the frames (`duplicate_poses`), the factor on the later part of the trajectory (`scale_jump`), the factor
-    /// on all lengths (`length_unit`), the noise in half sizes of the boxes (`edge_noise`), the mean IoU (`held_out_views`);
-    /// with [`Self::frames`] their share, but for `camera_offset`. Absent if the mistake has no parameter.
+    /// time steps (`camera_offset`), the fraction of the frames (`duplicate_poses`), the factor on the later part of the trajectory
+    /// (`scale_jump`), the factor on all lengths (`length_unit`), the noise in half sizes of the boxes (`edge_noise`), the mean IoU
+    /// (`held_out_views`); with [`Self::frames`] their share, but for `camera_offset`. Absent if the mistake has no parameter.
     pub value: Option<f64>,
     /// The correction, if there is one.
     pub correction: Option<Correction>,

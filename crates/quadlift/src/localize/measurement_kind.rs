@@ -16,8 +16,8 @@ pub enum MeasurementKind {
     Ellipse,
     /// Box and ellipse, as with `Auto`; detections without either of them are skipped.
     BoxAndEllipse,
-    /// The supporting lines of mask, outline or turned box instead of the edges of the box, with `posterior` and `planes`; detections without
-    /// any ([`Detection::tangent_lines`]) are skipped.
+    /// The supporting lines of mask, outline or turned box instead of the edges of the box, with `posterior` and `planes`; detections
+    /// without any ([`Detection::tangent_lines`]) are skipped.
     Mask,
 }
 

@@ -82,7 +82,8 @@ impl ObjectMap {
         }
     }
 
-    /// Checks the window with the recent frames. One that is not full is checked again, and does not count.
+    /// Checks the window with the recent frames. One that is not full is checked again, and counts only if it
+    /// shows a cause.
     fn check_window(&mut self, is_part: bool, update: &mut FrameUpdate) {
         let mut frames: Vec<RecentFrame> = self.windows.frames.iter().chain(&self.recent).cloned().collect();
         frames.sort_by_key(|frame| frame.key);

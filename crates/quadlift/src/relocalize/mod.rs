@@ -150,8 +150,8 @@ pub enum LocateStatus {
     TooFewObjects,
     /// No pose explains it better than chance.
     NoPose,
-    /// All images are clearly better explained once a common mistake is corrected. [`LandmarkMap::relocalize`] sees one image and does not check it:
-    /// callers with several use [`LandmarkMap::common_mistake`].
+    /// All images are clearly better explained once a common mistake is corrected. [`LandmarkMap::relocalize`] sees one image and does
+    /// not check it: callers with several use [`LandmarkMap::common_mistake`].
     Inconsistent,
 }
 

@@ -14,7 +14,8 @@ use crate::scene::{ObjectViews, View};
 /// Estimates one object from its views, by any method.
 ///
 /// In a scene, the default method estimates noise levels from all objects, which improves the weights of boxes; with a
-/// scene, prefer [`crate::localize()`]. What takes a category or the vertical, such as [`super::PosteriorOptions::priors`], has no effect here.
+/// scene, prefer [`crate::localize()`]. What takes a category or the vertical, such as [`super::PosteriorOptions::priors`], has no effect
+/// here.
 ///
 /// ```
 /// use nalgebra::Matrix3x4;

@@ -160,8 +160,8 @@ pub struct PosteriorOptions {
     /// Prior of pose corrections, one per frame, which are then estimated. `None` takes the poses as exact. It helps only if
     /// each frame shows several objects.
     pub pose_noise: Option<PoseNoise>,
-    /// Whether poses are corrected, those of frames that a rig took at one time step together, with levels of their errors that are estimated, too (those of [`PosteriorOptions::pose_noise`], where it is
-    /// given), and how the errors change from frame to frame.
+    /// Whether poses are corrected, those of frames that a rig took at one time step together, with levels of their errors that are
+    /// estimated, too (those of [`PosteriorOptions::pose_noise`], where it is given), and how the errors change from frame to frame.
     pub refine_poses: Option<PoseMotion>,
     /// Whether the places of cameras in their rig ([`crate::scene::Frame::rig`]) are corrected with the poses; the default. Errors of
     /// extrinsics that are taken as exact move the whole rig.

@@ -105,8 +105,8 @@ impl Candidates {
         Self { listed, indexed, tree, bounds }
     }
 
-    /// The boxes with the greatest positive gains for an object whose outline in the frame is predicted, [`MAX_CANDIDATES_PER_FRAME`] at most,
-    /// ascending by index. `bonus` is added to the gain of a box, and is `largest_bonus` at most.
+    /// The boxes with the greatest positive gains for an object whose outline in the frame is predicted, [`MAX_CANDIDATES_PER_FRAME`] at
+    /// most, ascending by index. `bonus` is added to the gain of a box, and is `largest_bonus` at most.
     pub(crate) fn best(
         &self,
         gains: &LogLikelihoodRatios,

@@ -30,8 +30,8 @@ const MAX_LOG_EVIDENCE_GAP: f64 = 30.0;
 /// Factor by which levels may be larger than they seem before the first step: noise levels contain what is an error of poses.
 const INITIAL_SD_FACTOR: f64 = 4.0;
 
-/// Frames that get one motion where slow errors are looked for, relative to their correlation length; and fewest of them: errors that last shorter show
-/// beside those of single frames and slower ones.
+/// Frames that get one motion where slow errors are looked for, relative to their correlation length; and fewest of them: errors that
+/// last shorter show beside those of single frames and slower ones.
 const COARSE: f64 = 0.2;
 const MIN_TOGETHER: f64 = 5.0;
 
@@ -72,8 +72,8 @@ impl PosePrior {
         levels.is_empty() && self.may_be_exact && !self.are_suspected(terms)
     }
 
-    /// The levels from which the next step is taken, of each correlation length that errors may have, that of the largest evidence first. `levels` are
-    /// those of the last step; none before the first one, and none then for poses that do not clearly show errors.
+    /// The levels from which the next step is taken, of each correlation length that errors may have, that of the largest evidence first.
+    /// `levels` are those of the last step; none before the first one, and none then for poses that do not clearly show errors.
     pub(super) fn contenders(
         &self,
         equations: &PoseEquations,

@@ -24,8 +24,8 @@ const CORRELATED_FRAMES: f64 = 100.0;
 /// The same where it is found, in steps of a factor of three: the evidence is flat between them.
 const MEMORIES: [f64; 4] = [0.0, 10.0, 30.0, CORRELATED_FRAMES];
 
-/// How large the errors of poses are, and how long they last. Those of two frames have the correlation `exp(-gap / correlation length)`, the gap in
-/// frames, and so have all six components (an Ornstein-Uhlenbeck process).
+/// How large the errors of poses are, and how long they last. Those of two frames have the correlation `exp(-gap / correlation length)`,
+/// the gap in frames, and so have all six components (an Ornstein-Uhlenbeck process).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PoseLevels {
     /// Standard deviations.

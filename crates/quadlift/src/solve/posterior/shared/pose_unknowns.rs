@@ -1,5 +1,5 @@
-//! Which motion moves which camera: each frame has its own, or those that a rig took at one time step share one, beside a small constant motion
-//! of each camera in the rig (docs/method.md, section 11.2).
+//! Which motion moves which camera: each frame has its own, or those that a rig took at one time step share one, beside a small constant
+//! motion of each camera in the rig (docs/method.md, section 11.2).
 
 use std::collections::BTreeMap;
 
