@@ -111,7 +111,7 @@ impl LandmarkMap {
         others.extend(formats.map(Correction::Boxes));
         let turned = |orientation| Correction::TurnedPictures { orientation, fractions: false };
         others.extend([2, 3, 4, 6, 7, 8].map(turned));
-        others.extend([Correction::NormalizedBoxes, Correction::NormalizedLetterbox]);
+        others.push(Correction::NormalizedLetterbox);
         others.extend(LETTERBOXES.map(Correction::Letterbox));
         if let Some((other, found)) = self.best_of(&others, &few)
             && found.evidence > given_few.evidence
