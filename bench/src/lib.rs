@@ -71,7 +71,7 @@ pub enum Experiment {
     Trust,
     /// The same with a quarter of the synthetic objects: the part of [`Experiment::ALL`].
     TrustBrief,
-    /// The self-check on right scenes and on mistakes; not in the paper.
+    /// The consistency check on right scenes and on mistakes; not in the paper.
     Diagnosis,
     /// Scenes with bodies of several kinds; not in the paper.
     Kinds,

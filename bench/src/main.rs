@@ -57,7 +57,7 @@ enum Command {
     CrossValidation(Options),
     /// Coverage of the confidence regions of estimates (without data: synthetic scenes only)
     Trust(Options),
-    /// The self-check on correct and on corrupted scenes (without data: synthetic scenes only)
+    /// The consistency check on correct and on corrupted scenes (without data: synthetic scenes only)
     Diagnosis(Options),
     /// Bodies of several kinds, standing and lying (needs no data)
     Kinds(Options),

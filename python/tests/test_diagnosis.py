@@ -1,4 +1,4 @@
-"""The self-check: wrong scenes are told, and mended."""
+"""The consistency check: wrong scenes are told, and mended."""
 
 from __future__ import annotations
 

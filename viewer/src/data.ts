@@ -20,7 +20,7 @@ export interface Report {
   scores: Scores | null;
   /** Settings and counts of the run: name and value. */
   settings: [string, string][];
-  /** What is known of the scene as a whole (self-check, noise, association): name and value, in words. */
+  /** What is known of the scene as a whole (consistency check, noise, association): name and value, in words. */
   overview: [string, string][];
   /** What should be known about the report or the run, in sentences. */
   notes: string[];

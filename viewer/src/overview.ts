@@ -1,4 +1,4 @@
-// The scene as a whole, shown where the selected object stands when there is none: counts, self-check, noise, and how
+// The scene as a whole, shown where the selected object stands when there is none: counts, consistency check, noise, and how
 // to read the page.
 
 import { REJECTED, USED, type Report } from "./data.ts";

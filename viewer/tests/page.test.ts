@@ -374,10 +374,10 @@ test("the selected object has its lengths, and its distance to another one is me
   await page.close();
 });
 
-test("what is said before something is selected: counts, self-check, noise, how to read the page", async () => {
+test("what is said before something is selected: counts, consistency check, noise, how to read the page", async () => {
   const { page } = await open(browser, "boxes.html");
   const text = (await page.locator(".overview").textContent())!;
-  for (const word of ["objects", "detections", "self-check", "noise of box edges", "association", "How to read this page"]) {
+  for (const word of ["objects", "detections", "consistency check", "noise of box edges", "association", "How to read this page"]) {
     assert.ok(text.includes(word), `${word} in ${text}`);
   }
   await row(page, 0).click();

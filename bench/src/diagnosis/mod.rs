@@ -1,4 +1,4 @@
-//! The self-check on correct scenes and on scenes with one of the common mistakes (ours).
+//! The consistency check on correct scenes and on scenes with one of the common mistakes (ours).
 
 pub(crate) mod mistakes;
 mod real;
@@ -45,7 +45,7 @@ impl Extent {
     const SHORT: Self = Self { right: 200, wrong: 15, without_ids: 3, real_stride: 15 };
 }
 
-/// The result of the self-check for a corrupted scene.
+/// The result of the consistency check for a corrupted scene.
 #[derive(Debug, Clone, Copy)]
 struct Verdict {
     called_wrong: bool,
@@ -66,13 +66,13 @@ pub fn run(data: Option<&Path>, run: &Run) -> Result<Report, Error> {
     let total = (extent.right + extent.wrong + extent.without_ids) as usize;
     let steps = Steps::new("diagnosis", total, run.progress);
     let first = FIRST_SCENE + run.seed * 1_000_000;
-    let mut report = Report::new("diagnosis", "Self-check: right scenes, and scenes with one mistake (ours)");
+    let mut report = Report::new("diagnosis", "Consistency check: right scenes, and scenes with one mistake (ours)");
     report.text(
         "Synthetic scenes are drawn at random: trajectory (paper, arcs of 20 and 60 degrees, orbit, random, street), \
          3 to 60 views, 1 to 50 objects (a street has its own number), box edges with a noise of 0 to 10 % of the \
          half size, 0 to 30 % wrong boxes. Each mistake has one magnitude. A mistake counts if it lowers the mean O3D \
          by more than 0.1 or moves the median center by more than half a mean semi-axis. No scene of these tables was \
-         used to set a threshold of the self-check.",
+         used to set a threshold of the consistency check.",
     );
     let right = right_scenes(first, extent.right, &steps);
     let with_ids = wrong_scenes(first, extent.wrong, &steps);

@@ -1,4 +1,4 @@
-//! Positions of objects, triangulated from box centers: behind their cameras, or implausibly far away. The self-check
+//! Positions of objects, triangulated from box centers: behind their cameras, or implausibly far away. The consistency check
 //! ([`quadlift::diagnosis`]) tests whether they are consistent with the poses.
 
 use nalgebra::{Point3, Vector2};

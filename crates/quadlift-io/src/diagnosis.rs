@@ -1,4 +1,4 @@
-//! The self-check ([`quadlift::diagnosis`]) as text, as the options that correct a mistake, and as a record.
+//! The consistency check ([`quadlift::diagnosis`]) as text, as the options that correct a mistake, and as a record.
 
 use std::collections::BTreeMap;
 
@@ -103,7 +103,7 @@ fn turned_twice(first: u8, second: u8) -> u8 {
     (2..=8).find(|&orientation| unit(orientation) == both).unwrap_or(1)
 }
 
-/// The self-check in a result file. Reprojection errors are typical ones ([`quadlift::diagnosis::Agreement::miss`]).
+/// The consistency check in a result file. Reprojection errors are typical ones ([`quadlift::diagnosis::Agreement::miss`]).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DiagnosisRecord {
     /// The causes, the best first.

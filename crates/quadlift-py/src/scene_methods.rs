@@ -177,7 +177,7 @@ impl PyScene {
         Ok((Self::new(file, self.loaded.path.clone())?, notes))
     }
 
-    /// The self-check as JSON, and its message.
+    /// The consistency check as JSON, and its message.
     fn diagnosis(&self, py: Python, source: Option<&str>) -> PyResult<(String, Option<String>)> {
         let scene = &self.loaded.scene;
         scene.source_index(source).map_err(|error| refuse(format!("{error} (source=...)")))?;

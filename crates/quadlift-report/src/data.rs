@@ -30,7 +30,7 @@ pub struct Report {
     pub scores: Option<ReportScores>,
     /// Settings and counts of the run: name and value.
     pub settings: Vec<(String, String)>,
-    /// Overview of the scene (self-check, noise, association): name and value, as text.
+    /// Overview of the scene (consistency check, noise, association): name and value, as text.
     pub overview: Vec<(String, String)>,
     /// Notes about the report or the run, in sentences.
     pub notes: Vec<String>,

@@ -35,20 +35,20 @@ pub(crate) fn run_settings(run: &RunRecord) -> Vec<(String, String)> {
     settings
 }
 
-/// Overview of a run as names and values: the self-check, the noise of the boxes, the association, and how well
+/// Overview of a run as names and values: the consistency check, the noise of the boxes, the association, and how well
 /// held-out views are predicted.
 pub(crate) fn run_overview(run: &RunRecord) -> Vec<(String, String)> {
     let mut overview = Vec::new();
     let mut say = |name: &str, text: String| overview.push((name.to_owned(), text));
     match &run.diagnosis {
         Some(DiagnosisRecord { consistent: false, .. }) => {
-            say("self-check", "failed: see the top of the page".to_owned())
+            say("consistency check", "failed: see the top of the page".to_owned())
         }
         Some(DiagnosisRecord { score, .. }) => {
             let miss = score.map_or(String::new(), |score| {
                 format!("; the center of a box is typically off by {} of its half size", percent(score))
             });
-            say("self-check", format!("passed: boxes and camera poses agree{miss}"));
+            say("consistency check", format!("passed: boxes and camera poses agree{miss}"));
         }
         None => {}
     }
@@ -189,7 +189,7 @@ mod tests {
             told,
             [
                 line(
-                    "self-check",
+                    "consistency check",
                     "passed: boxes and camera poses agree; the center of a box is typically off by 2.9 % of its half \
                      size"
                 ),
@@ -202,7 +202,7 @@ mod tests {
             ]
         );
         let told = of(json!({"diagnosis": {"consistent": false, "score": 0.9, "causes": []}}));
-        assert_eq!(told, [line("self-check", "failed: see the top of the page")]);
+        assert_eq!(told, [line("consistency check", "failed: see the top of the page")]);
         assert_eq!(run_overview(&RunRecord::default()), []);
     }
 

@@ -55,7 +55,7 @@ class Settings:
                 )
             if name not in known:
                 raise QuadliftError(f"there is no option {name!r} here; expected one of {', '.join(sorted(known))}")
-        # The self-check and the detection of upright objects need whole scenes: objects that are solved one by one do
+        # The consistency check and the detection of upright objects need whole scenes: objects that are solved one by one do
         # not depend on them.
         of_objects: dict[str, Any] = {"associate": "never", "allow_inconsistent": True}
         if options.get("method", "posterior") == "posterior":

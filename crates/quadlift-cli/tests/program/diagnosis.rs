@@ -1,4 +1,4 @@
-//! The self-check through the built program: each mistake is named, its option mends it, and the exit code is 3 until it
+//! The consistency check through the built program: each mistake is named, its option mends it, and the exit code is 3 until it
 //! is mended or accepted.
 
 use crate::common::Folder;

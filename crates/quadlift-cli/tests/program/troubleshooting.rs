@@ -18,7 +18,7 @@ What to do when a command fails, or finds nothing. This command checks whether p
 `quadlift localize`, `associate` and `segment` run the same check. On an inconsistent scene they end with exit code 3, print the
 cause and the option that corrects it, and no object has the status `ok`. Correct the file if you can. Otherwise add the option
 that the message names, or `--fix`, which applies up to three corrections and prints each. `--allow-inconsistent` skips the
-check ([options](cli.md#the-self-check)).
+check ([options](cli.md#the-consistency-check)).
 
 The tests of quadlift make each input error in a correct scene and write the message here. Do not edit this page; after a change,
 run `QUADLIFT_UPDATE_DOCS=1 cargo test -p quadlift-cli --test program troubleshooting`.

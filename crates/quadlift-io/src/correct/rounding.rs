@@ -19,7 +19,7 @@ pub(super) fn nearest_unit(meters: f64) -> f64 {
 /// Widths of images are multiples of this as a rule: networks and video codecs ask for it.
 const WIDTH_STEP: f64 = 16.0;
 
-/// Share by which a width that the self-check has found may be wrong.
+/// Share by which a width that the consistency check has found may be wrong.
 const WIDTH_ERROR: f64 = 0.005;
 
 /// The width, in pixels, that is meant by one that was found.

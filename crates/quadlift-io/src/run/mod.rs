@@ -77,7 +77,7 @@ impl FileRun {
         &self.run.localization
     }
 
-    /// The self-check.
+    /// The consistency check.
     pub fn diagnosis(&self) -> DiagnosisRecord {
         DiagnosisRecord::of(&self.run.check, &self.input.context)
     }

@@ -37,7 +37,7 @@ pub struct RunRecord {
     /// The scales of the sources of cues.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub cue_scales: Vec<CueScaleRecord>,
-    /// The self-check.
+    /// The consistency check.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub diagnosis: Option<DiagnosisRecord>,
     /// The sizes of categories that were learned from the scene.

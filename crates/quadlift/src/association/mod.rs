@@ -27,6 +27,7 @@ pub(crate) mod score;
 pub(crate) mod search;
 mod implausible;
 mod result;
+pub(crate) mod places;
 
 #[cfg(test)]
 mod test_scenes;
@@ -42,6 +43,7 @@ use crate::scene::Scene;
 use input::context::AssociationContext;
 use input::observations::Observations;
 use input::preselect;
+use places::Places;
 use search::passes;
 
 /// Divides the detections of a scene into objects.
@@ -64,12 +66,30 @@ pub fn associate_observed(
 ) -> Result<Association, AssociateError> {
     options.validate()?;
     let (detections, skipped) = preselect::select(scene, options)?;
-    let observations = Observations::new(scene, &detections);
+    let mut association = match Places::of(scene, &detections, options.ids) {
+        None => associate_selected(scene, &detections, options, observer)?,
+        Some(places) => {
+            let all: Vec<usize> = (0..places.scene.detections.len()).collect();
+            let found = associate_selected(&places.scene, &all, options, observer)?;
+            places.spread(found, scene, detections.len())
+        }
+    };
+    association.skipped = skipped;
+    Ok(association)
+}
+
+/// Divides these detections of a scene whose frames are from different places.
+fn associate_selected(
+    scene: &Scene,
+    detections: &[usize],
+    options: &AssociateOptions,
+    observer: &dyn Observer,
+) -> Result<Association, AssociateError> {
+    let observations = Observations::new(scene, detections);
     let context = AssociationContext::new(scene, &observations, options);
     let frames = observations.cameras.iter().filter(|c| !c.boxes.is_empty()).count();
     let state = passes::search(&context, observations, observer).ok_or(AssociateError::Canceled)?;
-    let mut association = result::collect(scene, &detections, &context, &state);
-    association.skipped = skipped;
+    let mut association = result::collect(scene, detections, &context, &state);
     if association.objects.is_empty() {
         association.outcome = match frames {
             0 => Outcome::NoDetections,

@@ -1,4 +1,4 @@
-//! The self-check: whether a scene is consistent, and if not, which common mistake explains it (docs/method.md, section
+//! The consistency check: whether a scene is consistent, and if not, which common mistake explains it (docs/method.md, section
 //! 16).
 //!
 //! 1. `sample`: some objects with their boxes, without boxes cut by the image border.

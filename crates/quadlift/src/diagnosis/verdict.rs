@@ -1,4 +1,4 @@
-//! The result of the self-check.
+//! The result of the consistency check.
 
 use std::collections::BTreeSet;
 
@@ -21,7 +21,7 @@ const NEGLIGIBLE_MISS: f64 = 0.005;
 /// Maximum number of reported explanations.
 const MAX_CAUSES: usize = 3;
 
-/// The result of the self-check.
+/// The result of the consistency check.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Diagnosis {

@@ -1,4 +1,4 @@
-//! The self-check of a scene whose detections name their objects.
+//! The consistency check of a scene whose detections name their objects.
 
 use super::agreement::Agreement;
 use super::cause::{Cause, CauseName};

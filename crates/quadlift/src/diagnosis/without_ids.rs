@@ -1,4 +1,4 @@
-//! The self-check of a scene without object ids: the detections are associated under each hypothesis.
+//! The consistency check of a scene without object ids: the detections are associated under each hypothesis.
 //!
 //! Association also finds objects in corrupted scenes, but with less evidence. If an association has little evidence,
 //! common mistakes are undone one by one and a part of the scene is associated again; the mistake whose correction

@@ -71,7 +71,7 @@ pub struct Localization {
     pub body: Option<BodyKind>,
     /// Cross-validation: how well left-out views are predicted.
     pub cross_validation: CrossValidation,
-    /// The self-check, with refined poses where these agree with the boxes. If the scene is inconsistent, objects have the
+    /// The consistency check, with refined poses where these agree with the boxes. If the scene is inconsistent, objects have the
     /// status [`crate::solve::Status::Inconsistent`] instead of [`crate::solve::Status::Ok`], unless [`LocalizeOptions::allow_inconsistent`] is set.
     pub diagnosis: Diagnosis,
 }

@@ -4,8 +4,6 @@
 //! copy. A frame from the place of a recent one therefore adds nothing but means: its boxes are averaged into the views from there. Boxes
 //! of no object are collected, and get the object that is found once the camera moves.
 
-use nalgebra::{Matrix3, Vector2, Vector3};
-
 use super::MAX_DETECTIONS;
 use super::current::Current;
 use super::input::Frame;
@@ -14,20 +12,7 @@ use super::map::ObjectMap;
 use super::matching::Matched;
 use super::update::{DetectionRef, FrameUpdate};
 use super::views::{KeptView, RecentBox, RecentFrame, to_bits};
-use crate::association::input::observations::Camera;
-
-/// Two frames are from one place if nothing moves by more than this between their images, pixels: less than a shift of a frame that
-/// is worth to be subtracted twice (a convention).
-const MAX_MOTION_PX: f64 = 0.5;
-
-/// The same where nothing is known about distances: relative to the distance from the origin, rounding alone.
-const MAX_ROUNDING: f64 = 1e-9;
-
-/// Overlap of boxes of one thing from one place: half, as usual (edges with errors of 10 % of the half size overlap by .75).
-const MIN_OVERLAP: f64 = 0.5;
-
-/// A box of a place is of a thing if it is there in this share of the frames from there; a false one is not (a convention).
-const MIN_SEEN: f64 = 1.0 / 3.0;
+use crate::association::places::{MAX_MOTION_PX, MAX_ROUNDING, MIN_OVERLAP, MIN_SEEN, turn_px};
 
 /// Detections that are remembered for a box, at most.
 const MAX_COPIES: usize = 5000;
@@ -195,19 +180,6 @@ impl ObjectMap {
         let known = frame.and_then(|frame| frame.boxes.iter().find(|b| b.view.detection == view.detection));
         own.into_iter().chain(known.map_or_else(Vec::new, |known| known.copies.clone())).collect()
     }
-}
-
-/// By how many pixels corners of the image move between two cameras in one place.
-fn turn_px(a: &Camera, b: &Camera) -> f64 {
-    let part = |camera: &Camera| -> Matrix3<f64> { camera.matrix.fixed_columns::<3>(0).into_owned() };
-    let Some(back) = part(a).try_inverse() else { return f64::INFINITY };
-    let map = part(b) * back;
-    let corners = [[0.0, 0.0], [a.size.x, 0.0], [0.0, a.size.y], [a.size.x, a.size.y]];
-    let moved = corners.map(|[x, y]| {
-        let to = map * Vector3::new(x, y, 1.0);
-        if to.z > 0.0 { Vector2::new(to.x / to.z - x, to.y / to.z - y).norm() } else { f64::INFINITY }
-    });
-    moved.into_iter().fold(0.0, f64::max)
 }
 
 /// Intersection over union of the boxes of two views.

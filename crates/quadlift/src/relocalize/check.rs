@@ -1,4 +1,4 @@
-//! The self-check of images: whether a common mistake of their boxes or cameras explains them better (docs/method.md, section 20).
+//! The consistency check of images: whether a common mistake of their boxes or cameras explains them better (docs/method.md, section 20).
 //!
 //! A focal length or an image size that is wrong moves all boxes alike, and poses follow: an image alone looks nearly right, from a wrong
 //! place.

@@ -317,7 +317,7 @@ pub const RUN: &[Spec<RunOptions>] = &[
     },
     Spec {
         name: "fix",
-        help: "Apply the corrections that the self-check proposes until the scene is consistent (3 at most)",
+        help: "Apply the corrections that the consistency check proposes until the scene is consistent (3 at most)",
         group: CORRECTIONS,
         of: &[Localize, Associate, Segment],
         get: |o| o.fix.into(),

@@ -118,7 +118,7 @@ fn a_camera_that_stands_still_sees_objects_with_depths() {
         parts.detections.extend(again.into_iter().map(|d| Detection { frame_index: k, ..d }));
     }
     let scene = Scene::from_parts(parts).unwrap();
-    // The self-check takes repeated poses for a mistake.
+    // The consistency check takes repeated poses for a mistake.
     let found = localize(&scene, &LocalizeOptions { allow_inconsistent: true, ..options() }).unwrap();
     let (_, error) = scores(&made, &found, &scene);
     assert!(error < 0.8, "{error}");

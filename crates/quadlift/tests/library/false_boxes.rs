@@ -121,7 +121,7 @@ fn with_given_levels_an_object_is_judged_by_them_alone() {
     options.method.posterior_options_mut().unwrap().noise_model = Some(noise_model);
     // What hides an edge is in the other boxes of its frame.
     options.method.posterior_options_mut().unwrap().occluded_edges = false;
-    // The self-check looks at all objects of a scene.
+    // The consistency check looks at all objects of a scene.
     options.allow_inconsistent = true;
     options.method.posterior_options_mut().unwrap().body = Some(quadlift::geometry::BodyKind::Ellipsoid);
     let together = localize(&scene.scene, &options).unwrap();

@@ -220,7 +220,7 @@ fn around(seed: u64, objects: usize) -> SyntheticScene {
     .unwrap()
 }
 
-/// Poses that are so wrong that the self-check refuses the scene are what the refinement is for.
+/// Poses that are so wrong that the consistency check refuses the scene are what the refinement is for.
 #[test]
 fn the_self_check_is_that_of_refined_poses() {
     let exact = around(3, 12);

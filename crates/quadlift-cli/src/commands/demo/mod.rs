@@ -1,5 +1,5 @@
 //! `quadlift demo`: photographs of a desk and the boxes in them, which the program contains. Localizes the objects and runs the
-//! self-check on wrong poses.
+//! consistency check on wrong poses.
 
 mod desk;
 mod findings;
@@ -31,7 +31,7 @@ const MENDED: &str = "mended.json";
 /// Localize the objects on a rendered desk
 ///
 /// Needs no files. The images are rendered, so the true objects are known. The boxes come from a simulated detector: they have
-/// categories but no object ids, and some are wrong or false positives. A second part runs the self-check on the same
+/// categories but no object ids, and some are wrong or false positives. A second part runs the consistency check on the same
 /// boxes with wrong camera poses.
 #[derive(clap::Args)]
 #[command(
@@ -151,7 +151,7 @@ fn second_part(said: &str, mended: &Findings) -> String {
     let [things, all] = mended.found();
     format!(
         "{HEADING}2. The same boxes with wrong camera poses{HEADING:#}\n\
-         {WRONG} has poses in OpenGL axes, in which cameras look along -z. The self-check reports:\n\n{}\n\n\
+         {WRONG} has poses in OpenGL axes, in which cameras look along -z. The consistency check reports:\n\n{}\n\n\
          With --fix, {things} of {all} objects are localized.\n",
         crate::help::fill_indented(said, 2),
     )

@@ -33,7 +33,7 @@ pub(super) struct SceneDocument {
     pub cameras: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub detections: Option<String>,
-    /// The self-check of a scene that has no result.
+    /// The consistency check of a scene that has no result.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub diagnosis: Option<DiagnosisRecord>,
     #[serde(skip_serializing_if = "Option::is_none")]

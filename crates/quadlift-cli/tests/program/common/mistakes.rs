@@ -88,7 +88,7 @@ pub(crate) fn opengl(m: Pose) -> Pose {
     [m[0], m[1].map(|x| -x), m[2].map(|x| -x)]
 }
 
-/// The mistakes that the self-check is known to name in [`right_scene`].
+/// The mistakes that the consistency check is known to name in [`right_scene`].
 pub(crate) fn mistakes(right: &Value) -> Vec<Mistake> {
     let [w, h] = ["width", "height"].map(|name| right["cameras"][0][name].as_f64().unwrap());
     let gain = 640.0 / w.max(h);
