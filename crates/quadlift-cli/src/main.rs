@@ -110,7 +110,10 @@ enum Command {
 
 fn main() -> ExitCode {
     let command = Cli::command().mut_subcommand("localize", localize::with_requirements);
-    let matches = help::arrange(command).get_matches();
+    let matches = match help::arrange(command).try_get_matches() {
+        Ok(matches) => matches,
+        Err(error) => return wrong_usage(&error),
+    };
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let paths = Paths::new(&matches);
     let out = Output {
@@ -138,6 +141,23 @@ fn main() -> ExitCode {
             ExitCode::from(error::exit_code(&error))
         }
     }
+}
+
+/// Tells what is wrong with the command line, also as JSON if it asks for that; or the help or the version that it asks for.
+fn wrong_usage(error: &clap::Error) -> ExitCode {
+    // Best effort: a closed pipe wants to know nothing more.
+    let _ = error.print();
+    let json = error.use_stderr() && std::env::args_os().any(|word| word == "--json");
+    let out = Output { json, quiet: true, verbose: false, reports_to_stderr: false };
+    let text = error.to_string();
+    let first = text.lines().next().unwrap_or_default();
+    let _ = out.document(&serde_json::json!({ "error": first.strip_prefix("error: ").unwrap_or(first) }));
+    ExitCode::from(error.exit_code() as u8)
+}
+
+/// Whether a text begins with the name of a command.
+fn is_command(text: &str) -> bool {
+    text.split(' ').next().is_some_and(|name| Cli::command().find_subcommand(name).is_some())
 }
 
 fn run(command: Command, out: &Output) -> anyhow::Result<Outcome> {

@@ -37,6 +37,8 @@ impl Next {
     /// omitted, because it cannot be read again.
     pub(crate) fn command<'a>(mut self, words: impl IntoIterator<Item = Word<'a>>, purpose: &str) -> Self {
         let mut line = program();
+        let words: Vec<Word> = words.into_iter().collect();
+        debug_assert!(matches!(words[0], Word::Text(name) if crate::is_command(name)), "{words:?}");
         for word in words {
             match word {
                 Word::Path(path) if path == Path::new("-") || path.starts_with("/dev") => return self,
@@ -46,6 +48,15 @@ impl Next {
         }
         self.lines.push((line, purpose.to_owned()));
         self
+    }
+
+    /// `localize` for the detections of a source of a scene, to a file that is not the scene; with other options behind it.
+    pub(crate) fn localize(self, scene: &Path, source: Option<&str>, options: &str, purpose: &str) -> Self {
+        let is_taken = scene.file_name() == Some(OsStr::new("objects.json"));
+        let output = format!("-o {}{options}", if is_taken { "localized.json" } else { "objects.json" });
+        let source = source.into_iter().flat_map(|name| ["--source".into(), Path::new(name).into()]);
+        let words = ["localize".into(), scene.into()].into_iter().chain(source).chain([output.as_str().into()]);
+        self.command(words, purpose)
     }
 
     /// The command of this run once more, with other options behind it.
@@ -118,8 +129,16 @@ mod tests {
     #[test]
     fn what_went_to_the_standard_output_is_not_read_again() {
         let next = Next::default().command(["view".into(), Path::new("-").into()], "look");
-        assert_eq!(next.text(), "");
+        assert_eq!(next.localize(Path::new("/dev/stdout"), None, "", "find").text(), "");
+        let next = Next::default();
         let next = next.command(["view".into(), Path::new("a.json").into()], "look");
         assert!(next.text().ends_with(" view a.json\n"), "{}", next.text());
+    }
+
+    #[test]
+    fn a_scene_is_not_overwritten_by_its_objects() {
+        let text = |scene: &str| Next::default().localize(Path::new(scene), Some("a b"), " --fix", "find").text();
+        assert!(text("a.json").ends_with("localize a.json --source 'a b' -o objects.json --fix\n") || cfg!(windows));
+        assert!(text("b/objects.json").contains(" -o localized.json"), "{}", text("b/objects.json"));
     }
 }

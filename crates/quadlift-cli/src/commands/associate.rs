@@ -169,10 +169,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         rest(association.objects.len(), "object", "--json lists all"),
         args.output.display()
     ))?;
-    let source = args.source.iter().flat_map(|name| ["--source".into(), Path::new(name).into()]);
-    let words =
-        ["localize".into(), args.output.as_path().into()].into_iter().chain(source).chain(["-o objects.json".into()]);
-    Next::default().command(words, "localize the objects").tell(out)?;
+    Next::default().localize(&args.output, args.source.as_deref(), "", "localize the objects").tell(out)?;
     let mut document = json!(AssociationRecord::of(scene, &association));
     if !input.notes.is_empty() {
         document["corrections"] = json!(input.notes);

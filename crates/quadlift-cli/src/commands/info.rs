@@ -151,12 +151,15 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     report.diagnosis = Some(diagnosis);
     let path = args.scene.as_path();
     let mut next = Next::default();
-    if report.detections > 0 {
+    let is_fixable = check.is_fixable();
+    if report.detections > 0 && !one_point(scene) && (check.diagnosis.consistent || is_fixable) {
         // Of several sources one must be chosen.
         let source = report.sources.iter().find_map(|s| s.name.as_deref()).filter(|_| report.sources.len() > 1);
-        let source = source.into_iter().flat_map(|name| ["--source".into(), Path::new(name).into()]);
-        let words = ["localize".into(), path.into()].into_iter().chain(source).chain(["-o objects.json".into()]);
-        next = next.command(words, "localize the objects");
+        let (options, purpose) = match is_fixable {
+            true => (" --fix", "correct that and localize the objects"),
+            false => ("", "localize the objects"),
+        };
+        next = next.localize(path, source, options, purpose);
     }
     let next = next.command(["view".into(), path.into()], "view it in the browser");
     out.report(&(render(&report) + &next.text()))?;

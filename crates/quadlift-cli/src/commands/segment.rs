@@ -160,12 +160,8 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
     let written = start.elapsed() - segmented;
     out.detail(&format!("segmented in {}, written in {}", duration(segmented), duration(written)));
-    let source = args.source.iter().flat_map(|name| ["--source".into(), Path::new(name).into()]);
-    let words = ["localize".into(), args.output.as_path().into()]
-        .into_iter()
-        .chain(source)
-        .chain(["-o objects.json --report objects.html".into()]);
-    let next = Next::default().command(words, "localize the objects from boxes and ellipses");
+    let purpose = "localize the objects from boxes and ellipses";
+    let next = Next::default().localize(&args.output, args.source.as_deref(), " --report objects.html", purpose);
     let of_video = of_video.map_or_else(String::new, |note| format!("note: {}\n", one_line(&note)));
     out.report(&(report(args, scene, &segmentation, notes) + &of_video + &next.text()))?;
     out.document(&json!({

@@ -354,7 +354,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     ))?;
     let path = args.output.as_path();
     Next::default()
-        .command(["localize".into(), path.into(), "-o objects.json".into()], "localize its objects")
+        .localize(path, None, "", "localize its objects")
         .command(["view".into(), path.into()], "view it in the browser")
         .tell(out)?;
     out.document(&json!({

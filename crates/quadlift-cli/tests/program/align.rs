@@ -35,7 +35,7 @@ fn maps_are_aligned_and_merged() {
     let text = folder.succeed("align a.json b.json -o merged.json");
     assert!(text.contains("aligned by 10 objects of 13 and 13"), "{text}");
     assert!(text.contains("assumed: the scale is estimated"), "{text}");
-    assert!(text.contains("14 frames and 3 objects of B were renamed"), "{text}");
+    assert!(text.contains("renamed in B, because their ids are taken in A: 14 frames and 3 objects"), "{text}");
     assert!(text.contains("wrote merged.json: 28 frames, 16 objects"), "{text}");
     let merged = folder.json("merged.json");
     let found = &merged["alignment"];

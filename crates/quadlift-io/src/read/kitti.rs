@@ -19,6 +19,7 @@ use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{DetectionRecord, FrameRecord, SceneFile};
 use crate::text::lines;
+use crate::wording::count;
 
 /// The files of a sequence with their paths, which serve for messages.
 #[derive(Debug, Clone, Copy)]
@@ -183,9 +184,9 @@ fn add_labels(
     }
     let (still, moving) = objects.objects();
     notes.push(format!(
-        "{} static labeled objects are the true objects; {} moving ones are not",
-        still.len(),
-        moving.len()
+        "true objects: {}; left out: {}",
+        count(still.len(), "static labeled object"),
+        count(moving.len(), "moving object")
     ));
     scene.objects = still;
 }

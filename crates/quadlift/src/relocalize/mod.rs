@@ -36,7 +36,7 @@
 //! let boxes = boxes.collect::<Result<Vec<_>, quadlift::geometry::ProjectionError>>()?;
 //! let query = Query { intrinsics, image_size: Some([640.0, 480.0].into()), boxes };
 //! let map = LandmarkMap::new(landmarks);
-//! let found = map.locate(&query, &LocateOptions::default());
+//! let found = map.relocalize(&query, &LocateOptions::default());
 //! assert_eq!(found.status, LocateStatus::Ok);
 //! assert!((found.poses[0].cam_from_world.matrix() - truth.matrix()).norm() < 1e-6);
 //! # Ok::<(), Box<dyn std::error::Error>>(())

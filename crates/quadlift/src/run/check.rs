@@ -73,16 +73,27 @@ impl Check {
         Ok(check)
     }
 
+    /// Whether `--fix` would correct something.
+    pub fn is_fixable(&self) -> bool {
+        !self.diagnosis.consistent && self.to_correct().iter().any(|cause| cause.correction.is_some())
+    }
+
+    /// The best cause, or the two that together explain the misfit.
+    fn to_correct(&self) -> &[Cause] {
+        match &self.together {
+            Some(two) => two,
+            None => &self.diagnosis.causes[..self.diagnosis.causes.len().min(1)],
+        }
+    }
+
     /// Corrects the best cause; returns whether anything was changed. A mistake is not corrected twice, unless it has a
     /// parameter, which may need refinement.
     pub(super) fn fix<I: Input>(&mut self, input: &mut I) -> Result<bool, I::Error> {
         if self.corrected.len() >= MAX_CORRECTIONS || self.diagnosis.consistent {
             return Ok(false);
         }
-        let causes: Vec<Cause> = match self.together.take() {
-            Some(two) => two.into(),
-            None => self.diagnosis.causes.first().cloned().into_iter().collect(),
-        };
+        let causes = self.to_correct().to_vec();
+        self.together = None;
         let mut changed = false;
         for cause in causes {
             let Some(correction) = cause.correction else { continue };

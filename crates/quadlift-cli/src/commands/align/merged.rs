@@ -77,13 +77,10 @@ pub(super) fn write(
         let [p, q] = [labels.of(p), labels.of(q)];
         out.warning(&one_line(&format!("{p} and {q} have one category and lie at one place, but are not merged")));
     }
-    let (frames, objects) = (merged.renamed_frames.len(), merged.renamed_objects.len());
-    if frames + objects > 0 {
-        text.push_str(&format!(
-            "{} and {} of B were renamed: their ids were taken\n",
-            count(frames, "frame"),
-            count(objects, "object")
-        ));
+    let renamed = [(merged.renamed_frames.len(), "frame"), (merged.renamed_objects.len(), "object")];
+    let renamed: Vec<String> = renamed.iter().filter(|(n, _)| *n > 0).map(|(n, what)| count(*n, what)).collect();
+    if !renamed.is_empty() {
+        text.push_str(&format!("renamed in B, because their ids are taken in A: {}\n", renamed.join(" and ")));
     }
     text.push_str(&format!(
         "wrote {}: {}, {}\n",

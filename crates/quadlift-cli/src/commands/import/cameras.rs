@@ -81,9 +81,12 @@ pub(super) fn import(
         0 => Next::default()
             .command(["import --help".into()], "list the detection formats")
             .command(["view".into(), path.into()], "look at the cameras"),
-        _ => Next::default()
-            .command(["info".into(), path.into()], "summarize and check the scene")
-            .command(["localize".into(), path.into(), "-o objects.json".into()], "localize the objects"),
+        _ => Next::default().command(["info".into(), path.into()], "summarize and check the scene").localize(
+            path,
+            None,
+            "",
+            "localize the objects",
+        ),
     };
     out.report(&(text + &next.text()))?;
     out.document(&json!({

@@ -88,8 +88,8 @@ pub(super) fn import(
     write_scene_file(&args.output, &file)?;
     let mut text = format!("wrote {}: {}\n", args.output.display(), one_line(&in_words(&added, source)));
     notes.iter().for_each(|note| text.push_str(&format!("- {}\n", one_line(note))));
-    let words = ["localize".into(), args.output.as_path().into(), "-o objects.json --report objects.html".into()];
-    out.report(&(text + &Next::default().command(words, "localize the objects").text()))?;
+    let next = Next::default().localize(&args.output, None, " --report objects.html", "localize the objects");
+    out.report(&(text + &next.text()))?;
     let mut document = to_json(&added, &notes);
     document["output"] = args.output.display().to_string().into();
     document["source"] = source.into();

@@ -91,7 +91,7 @@ pub(super) fn run(args: &Args, pedestrians: usize, out: &Output) -> anyhow::Resu
     let path = args.output.as_path();
     Next::default()
         .command(
-            ["calibrate".into(), path.into(), "--include-posed -o rig.json".into()],
+            ["calibrate-rig".into(), path.into(), "--include-posed -o rig.json".into()],
             "find its cameras from the boxes alone",
         )
         .tell(out)?;

@@ -13,6 +13,7 @@ use crate::input::as_utf8;
 use crate::read::format::Format;
 use crate::read::kitti_labels::{Benchmark, KittiLabel, parse_labels_of};
 use crate::text::lines;
+use crate::wording::count;
 
 /// The row of this format.
 pub(super) const FORMAT: DetectionFormat = Format {
@@ -74,7 +75,7 @@ pub(super) fn parse_kitti_labels(path: &Path, files: &[LabelFile]) -> Result<Det
     };
     let mut notes = vec![kind.to_owned()];
     if unlabeled > 0 {
-        notes.push(format!("{unlabeled} DontCare regions were skipped"));
+        notes.push(format!("skipped: {}", count(unlabeled, "DontCare region")));
     }
     Ok(DetectionFiles {
         path: path.to_owned(),

@@ -289,7 +289,7 @@ fn kitti_labels_of_both_benchmarks() {
     };
     let tracking = "90 3 Car 0 1 -1.5 10 20 30 40 1.5 1.6 4 1 2 9 0.1\n91 -1 DontCare -1 -1 -10 1 2 3 4 -1 -1 -1 -1000 -1000 -1000 -10\n";
     let files = parse_kitti_labels(Path::new("0001.txt"), &[file("0001.txt", tracking)]).unwrap();
-    assert_eq!(files.notes[1], "1 DontCare regions were skipped");
+    assert_eq!(files.notes[1], "skipped: 1 DontCare region");
     let records = added(files, &["000090", "000091"]);
     let record = &records[0];
     assert_eq!((records.len(), &*record.frame, record.object.as_deref()), (1, "000090", Some("t3")));
