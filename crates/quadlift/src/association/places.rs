@@ -1,7 +1,8 @@
 //! Frames from one place: a camera that waits, a frame that is stored twice. However often a view is seen, it is one view.
 //!
-//! Copies have no parallax: any two boxes from one place agree on an object, and its evidence would grow with every copy. The frames of
-//! a place are therefore associated as one, with the means of their boxes, and the copies get the object of their mean.
+//! Copies have no parallax: any two boxes from one place agree on an object, its evidence would grow with every copy, and errors that
+//! copies have in common would look small. The frames of a place are therefore one frame, with the medians of the boxes that are seen
+//! there.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
@@ -10,7 +11,7 @@ use super::input::point_tree::PointTree;
 use super::options::IdPolicy;
 use super::result::Association;
 use crate::geometry::BoundingBox;
-use crate::scene::{Detection, Scene, SceneParts};
+use crate::scene::{Detection, PointObservation, Scene};
 
 /// Two frames are from one place if nothing moves by more than this between their images, pixels: less than a shift of a frame that
 /// is worth to be subtracted twice (a convention).
@@ -48,10 +49,12 @@ pub(crate) fn turn_px(a: &Camera, b: &Camera) -> f64 {
 /// A scene whose frames are from different places.
 #[derive(Debug)]
 pub(crate) struct Places {
-    /// The first frame of each place, with the means of the boxes that are seen there.
+    /// The first frame of each place, with the medians of the boxes that are seen there.
     pub scene: Scene,
-    /// The given detections that each detection of `scene` is the mean of, ascending.
-    copies: Vec<Vec<usize>>,
+    /// The given detections that each detection of `scene` stands for, ascending.
+    pub copies: Vec<Vec<usize>>,
+    /// The given frames that each frame of `scene` stands for, ascending.
+    pub frames: Vec<Vec<usize>>,
 }
 
 impl Places {
@@ -62,30 +65,28 @@ impl Places {
         for &detection in detections {
             by_frame[scene.detections[detection].frame_index as usize].push(detection);
         }
-        let mut members: Vec<Vec<&[usize]>> = vec![Vec::new(); places.len()];
-        for (boxes, &place) in by_frame.iter().zip(&places) {
-            members[place].push(boxes);
+        let mut frames: Vec<Vec<usize>> = vec![Vec::new(); places.len()];
+        for (frame, &place) in places.iter().enumerate() {
+            frames[place].push(frame);
         }
-        let (mut frames, mut things) = (Vec::new(), Vec::new());
-        for (place, boxes) in members.iter().enumerate().filter(|(_, boxes)| !boxes.is_empty()) {
-            let frame = frames.len() as u32;
-            frames.push(scene.frames[place].clone());
-            things.extend(seen(scene, boxes, ids).into_iter().map(|thing| (frame, thing)));
+        frames.retain(|frames| !frames.is_empty());
+        let mut things = Vec::new();
+        for (index, frames) in frames.iter().enumerate() {
+            let boxes: Vec<&[usize]> = frames.iter().map(|&frame| by_frame[frame].as_slice()).collect();
+            things.extend(seen(scene, &boxes, ids).into_iter().map(|thing| (index as u32, thing)));
         }
         things.sort_by_key(|(_, thing)| thing.copies[0]);
-        let detections = things.iter().map(|(frame, thing)| thing.detection(scene, *frame)).collect();
-        // What tells nothing about identity is left out.
-        let parts = SceneParts {
-            name: scene.name.clone(),
-            length_unit: scene.length_unit.clone(),
-            up: scene.up,
-            frames,
-            detections,
-            object_ids: scene.object_ids.clone(),
-            categories: scene.categories.clone(),
-            ..Default::default()
-        };
-        Some(Self { scene: Scene(parts), copies: things.into_iter().map(|(_, thing)| thing.copies).collect() })
+        let mut parts = scene.clone().into_parts();
+        parts.frames = frames.iter().map(|frames| scene.frames[frames[0]].clone()).collect();
+        parts.detections = things.iter().map(|(frame, thing)| thing.detection(scene, *frame)).collect();
+        for point in &mut parts.points {
+            let new_index = |frame: u32| frames.binary_search_by_key(&(frame as usize), |frames| frames[0]).ok();
+            point.observations = (point.observations.iter())
+                .filter_map(|seen| Some(PointObservation { frame_index: new_index(seen.frame_index)? as u32, ..*seen }))
+                .collect();
+        }
+        let copies = things.into_iter().map(|(_, thing)| thing.copies).collect();
+        Some(Self { scene: Scene(parts), copies, frames })
     }
 
     /// The association of the given detections; `found` is that of `scene`.
@@ -109,6 +110,7 @@ impl Places {
 /// A thing that is seen from a place.
 struct Seen {
     copies: Vec<usize>,
+    /// The sums of the edges of its boxes.
     sum: [f64; 4],
     measured: usize,
 }
@@ -134,17 +136,24 @@ impl Seen {
         BoundingBox::new(self.sum.map(|sum| sum / self.measured as f64)).ok()
     }
 
-    /// The mean as a detection of a frame.
+    /// The medians of the edges of its boxes: one wrong box among them changes little.
+    fn median(&self, scene: &Scene) -> Option<BoundingBox> {
+        let boxes: Vec<[f64; 4]> =
+            self.copies.iter().filter_map(|&copy| Some(scene.detections[copy].bounding_box?.edges())).collect();
+        let median = |edge: usize| {
+            let mut values: Vec<f64> = boxes.iter().map(|edges| edges[edge]).collect();
+            values.sort_by(f64::total_cmp);
+            let middle = values.len() / 2;
+            if values.len() % 2 == 1 { values[middle] } else { 0.5 * (values[middle - 1] + values[middle]) }
+        };
+        if boxes.is_empty() { None } else { BoundingBox::new(std::array::from_fn(median)).ok() }
+    }
+
+    /// The first copy as a detection of a frame, with the median box.
     fn detection(&self, scene: &Scene, frame_index: u32) -> Detection {
         let first = &scene.detections[self.copies[0]];
-        Detection {
-            frame_index,
-            object_index: first.object_index,
-            category_index: first.category_index,
-            score: first.score,
-            bounding_box: self.mean(),
-            ..Default::default()
-        }
+        let bounding_box = first.bounding_box.and_then(|_| self.median(scene));
+        Detection { frame_index, bounding_box, ..first.clone() }
     }
 }
 

@@ -73,6 +73,8 @@ pub struct Association {
     pub skipped: SkippedDetections,
     /// Unassigned detections.
     pub clutter: usize,
+    /// Boxes from which it was made: those of one thing from one place are one.
+    pub boxes: usize,
     /// Standard deviation of box edges relative to the mean half size of the box, as the objects show it.
     pub edge_noise: f64,
     /// The size-independent part of the standard deviation of box edges, pixels: given or selected.
@@ -146,6 +148,7 @@ pub(crate) fn collect(scene: &Scene, detections: &[usize], context: &Association
         edge_noise_px: state.statistics.edge_noise_px,
         frame_shift_sd: state.statistics.shift_sd,
         clutter: detections.len().saturating_sub(found.iter().map(|f| f.members.len()).sum()),
+        boxes: detections.len(),
         ..Default::default()
     };
     let names = names(scene, &found, context.options.ids);

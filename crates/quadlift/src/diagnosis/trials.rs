@@ -128,7 +128,13 @@ impl<'a> Tried<'a> {
         let named = association.applied_to(&scene, self.source);
         let assigned = association.objects.iter().map(|o| o.views as f64).sum::<f64>() / boxes;
         let agreement = diagnose_agreement(&named, assigned);
-        Ok(Trial { correction, evidence: evidence(&association) / boxes, agreement, named, detections })
+        Ok(Trial {
+            correction,
+            evidence: evidence(&association) / association.boxes.max(1) as f64,
+            agreement,
+            named,
+            detections,
+        })
     }
 }
 

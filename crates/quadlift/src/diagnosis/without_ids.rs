@@ -81,7 +81,7 @@ fn with_hypotheses(
         return Ok(found);
     }
     let used = scene.detections.iter().filter(|d| is_used(d)).count();
-    if is_convincing(association, used, found.agreement) || used < MIN_BOXES {
+    if is_convincing(association, found.agreement) || used < MIN_BOXES {
         return Ok(found);
     }
     let tried = Tried::new(scene, &is_used, options);
@@ -115,10 +115,10 @@ fn with_hypotheses(
     Ok(Diagnosis { consistent: false, agreement: Some(before.agreement), causes: vec![cause] })
 }
 
-/// Whether an association of so many detections has so much evidence that it is not compared with others, which takes long.
-pub(crate) fn is_convincing(association: &Association, detections: usize, agreement: Option<Agreement>) -> bool {
+/// Whether an association has so much evidence that it is not compared with others, which takes long.
+pub(crate) fn is_convincing(association: &Association, agreement: Option<Agreement>) -> bool {
     let agrees = agreement.is_some_and(|agreement| agreement.miss < SMALL_MISS);
-    agrees && evidence(association) >= PLENTY_OF_EVIDENCE * detections as f64
+    agrees && evidence(association) >= PLENTY_OF_EVIDENCE * association.boxes as f64
 }
 
 /// The trial with more evidence, the first of equals.

@@ -4,6 +4,7 @@ mod measurement_kind;
 mod options;
 mod order;
 mod selection;
+mod spread;
 mod validate;
 
 pub use measurement_kind::MeasurementKind;
@@ -11,6 +12,8 @@ pub use options::LocalizeOptions;
 
 use std::sync::Arc;
 
+use crate::association::IdPolicy;
+use crate::association::places::Places;
 use crate::cross_validation::{CrossValidation, choose_folds, summarize};
 use crate::diagnosis::{Diagnosis, diagnose_refined};
 use crate::geometry::BodyKind;
@@ -26,6 +29,7 @@ use crate::solve::{
 };
 use order::{FrameOrder, order_of_objects};
 use selection::Selection;
+use spread::spread;
 
 /// Why a scene cannot be localized at all.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -102,10 +106,13 @@ pub(crate) fn solve_objects(
     }
     let sorted = FrameOrder::of(scene).and_then(|order| Some((order.apply(scene).ok()?, order)));
     let in_order = sorted.as_ref().map_or(scene, |(sorted, _)| sorted);
-    let selection = Selection::new(in_order, options)?;
+    let of_all = Selection::new(in_order, options)?;
+    let places = Places::of(in_order, &of_all.of_source(), IdPolicy::Trust);
+    let skipped = of_all.skipped;
+    let selection = places.as_ref().map_or(Ok(of_all), |places| Selection::new(&places.scene, options))?;
     let watch = Watch::new(observer, selection.objects.len());
     let (mut localization, folds, predicted) = match options.method.posterior_options() {
-        Some(posterior_options) => refined(in_order, options, posterior_options, &selection, &watch),
+        Some(posterior_options) => refined(selection.scene, options, posterior_options, &selection, &watch),
         None => closed_form(options, &selection, &watch),
     };
     if watch.is_canceled() {
@@ -116,6 +123,9 @@ pub(crate) fn solve_objects(
     // The views of objects with too few of them are listed all the same, as not used.
     for (k, estimate) in estimates.iter_mut().enumerate().filter(|(_, estimate)| estimate.views.is_empty()) {
         estimate.views = selection.frames_of(k).map(ViewReport::not_used).collect();
+    }
+    if let Some(places) = &places {
+        spread(places, in_order, &mut localization);
     }
     if let Some((_, order)) = &sorted {
         order.undo(&mut localization);
@@ -132,7 +142,7 @@ pub(crate) fn solve_objects(
     let held_out = &localization.cross_validation;
     let iou = held_out.iou().filter(|_| held_out.predictions().count() >= MIN_PREDICTIONS);
     localization.diagnosis.check_fit(edge_noise, iou);
-    localization.skipped = selection.skipped;
+    localization.skipped = skipped;
     Ok(localization)
 }
 

@@ -5,7 +5,7 @@ use crate::scene::{Detection, ObjectViews, Scene, SkippedDetections, SourceError
 
 /// The objects of a scene, and the detections of theirs that are used.
 pub(super) struct Selection<'a> {
-    scene: &'a Scene,
+    pub scene: &'a Scene,
     options: &'a LocalizeOptions,
     source: Option<u32>,
     /// Index of each listed object in the scene, ascending. Objects of other sources are not listed; objects whose detections are all
@@ -40,6 +40,12 @@ impl<'a> Selection<'a> {
 
     fn is_of_source(&self, detection: &Detection) -> bool {
         self.source.is_none() || detection.source_index == self.source
+    }
+
+    /// The detections of the chosen source.
+    pub(super) fn of_source(&self) -> Vec<usize> {
+        let detections = self.scene.detections.iter().enumerate();
+        detections.filter(|(_, detection)| self.is_of_source(detection)).map(|(index, _)| index).collect()
     }
 
     fn is_visible(&self, detection: &Detection) -> bool {

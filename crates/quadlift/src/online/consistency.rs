@@ -172,7 +172,7 @@ impl ObjectMap {
             ..AssociateOptions::default()
         };
         let found = diagnose_association(&scene, &association, &options).unwrap_or_default();
-        let is_quick = is_convincing(&association, scene.detections.len(), found.agreement);
+        let is_quick = is_convincing(&association, found.agreement);
         (found, is_quick)
     }
 
@@ -205,6 +205,7 @@ impl ObjectMap {
         parts.object_ids = ids.known.iter().map(ToString::to_string).collect();
         let mut views = vec![0; objects.known.len()];
         association.object_of_detection.iter().flatten().for_each(|&index| views[index as usize] += 1);
+        association.boxes = parts.detections.len();
         association.clutter = association.object_of_detection.iter().filter(|object| object.is_none()).count();
         let described = objects.known.iter().zip(views).map(|(id, views)| {
             let tracked = self.slot_of_id.get(id).and_then(|&slot| self.slot(slot));
