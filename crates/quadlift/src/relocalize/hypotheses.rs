@@ -3,23 +3,27 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::prepared::{Candidate, PreparedQuery};
-use super::refine::{Match, refine};
+use super::refine::{Match, Predicted, refine};
 use super::score::{gain, predictions};
 use crate::geometry::rigid::Pose;
 use crate::geometry::rotation::{between, nearest_rotation, nearest_turn};
 use crate::optimize::bits::{after, count, ones};
 
-/// Groups of candidates whose support is counted at most; of more, that of evenly spread ones.
-const MAX_GROUPS: usize = 200_000;
+/// Groups of candidates of a round, about: the search may end after one that finds a pose that explains most of the image.
+const GROUPS_OF_ROUND: usize = 20_000;
 
-/// Hypotheses that are examined at most: those with the most support.
-const MAX_HYPOTHESES: usize = 16_000;
+/// Rounds at most, which bounds the time to about a second.
+const MAX_ROUNDS: usize = 100;
 
-/// Comparisons of boxes with landmarks for all hypotheses, about, which bounds the time in large maps; a round is examined in any case.
-const MAX_COMPARISONS: usize = 30_000_000;
+/// Groups of a round that are refined at most: those with the most support.
+const REFINED_OF_ROUND: usize = 1000;
 
-/// Hypotheses of a round: the search may end after one that explains most of the image.
-const HYPOTHESES_OF_ROUND: usize = 100;
+/// By how much edges may be off before a group is refined, relative to the half size of the box.
+const MAX_OFF: f64 = 0.3;
+
+/// Steps to the depths of a triple, and the standard deviation of distances, relative: errors of centers of boxes, about.
+const DEPTH_STEPS: usize = 3;
+const DISTANCE_SD: f64 = 0.03;
 
 /// Candidates that hypotheses are made of, about: of more, those of the boxes that may show the fewest landmarks.
 const MAX_CANDIDATES: usize = 800;
@@ -36,43 +40,82 @@ const STARTS: usize = 24;
 /// Factor on the noise of boxes while a pose follows only some of them.
 const WIDEN: f64 = 3.0;
 
-/// Groups of candidates that may give a pose.
+/// The groups of candidates that may give a pose: triples, or pairs where gravity is known.
 pub(super) struct Groups {
-    members: Vec<Vec<usize>>,
-    /// Whether these are all of them.
-    pub all: bool,
+    graph: Compatible,
+    size: usize,
+    /// Pairs of candidates, with the number of groups that begin with them or with pairs before.
+    ends: Vec<([u16; 2], usize)>,
 }
 
 impl Groups {
-    /// Triples of candidates, or pairs where gravity is known.
     pub(super) fn new(query: &PreparedQuery) -> Self {
-        let comparisons = query.alike.iter().map(Vec::len).sum::<usize>().max(1);
-        let most = (MAX_COMPARISONS / comparisons).clamp(HYPOTHESES_OF_ROUND, MAX_HYPOTHESES);
         let graph = Compatible::new(query);
-        let mut members = if query.gravity.is_some() { graph.pairs() } else { graph.triples() };
-        let all = graph.all && members.len() < most.min(MAX_GROUPS);
-        members.sort_by_cached_key(|group| std::cmp::Reverse(graph.support(group)));
-        members.truncate(most);
-        let named = |group: Vec<usize>| group.into_iter().map(|place| graph.places[place]).collect();
-        Self { all, members: members.into_iter().map(named).collect() }
+        let size = if query.gravity.is_some() { 2 } else { 3 };
+        let mut all = 0;
+        let mut ends = Vec::new();
+        for pair in graph.pairs() {
+            all += if size == 2 { 1 } else { count(graph.thirds(pair)) };
+            ends.push((pair, all));
+        }
+        Self { graph, size, ends }
     }
 
-    /// Number of rounds; the first one has the groups with the most support.
+    /// One group of so many belongs to a round.
+    fn step(&self) -> usize {
+        self.ends.last().map_or(0, |(_, all)| all.div_ceil(GROUPS_OF_ROUND)).max(1)
+    }
+
+    /// Number of rounds.
     pub(super) fn rounds(&self) -> usize {
-        self.members.len().div_ceil(HYPOTHESES_OF_ROUND)
+        self.step().min(MAX_ROUNDS)
+    }
+
+    /// Whether the rounds have all groups.
+    pub(super) fn are_complete(&self) -> bool {
+        self.graph.all && self.step() <= MAX_ROUNDS
+    }
+
+    /// The groups of a round, evenly spread, as places of candidates.
+    fn of_round(&self, round: usize) -> Vec<Vec<usize>> {
+        let step = self.step();
+        let (mut before, mut groups) = (0, Vec::new());
+        for &(pair, end) in &self.ends {
+            let first = (before + step - 1 - round) / step * step + round;
+            if first < end {
+                let [i, j] = pair.map(usize::from);
+                if self.size == 2 {
+                    groups.push(vec![i, j]);
+                } else {
+                    let thirds = ones(self.graph.thirds(pair)).skip(first - before).step_by(step);
+                    groups.extend(thirds.map(|k| vec![i, j, k]));
+                }
+            }
+            before = end;
+        }
+        groups
     }
 }
 
 /// Poses of the groups of one round that explain many boxes, the best first.
 pub(super) fn starts(query: &PreparedQuery, groups: &Groups, round: usize) -> Vec<Pose> {
-    let members = groups.members.chunks(HYPOTHESES_OF_ROUND).nth(round).unwrap_or_default();
-    let mut scored: Vec<(f64, Pose)> = members
-        .iter()
-        .filter_map(|group| {
-            let members: Vec<&Candidate> = group.iter().map(|&k| &query.candidates[k]).collect();
-            let matches: Vec<Match> = members.iter().map(|c| Match::new(query, c.query_box, c.landmark)).collect();
-            let refined = refine(query, aligned(query, &members)?, &matches, STEPS)?;
-            (refined.cost < MAX_COST * 4.0 * members.len() as f64)
+    let graph = &groups.graph;
+    let begun = |group: Vec<usize>| {
+        let members: Vec<&Candidate> = group.iter().map(|&place| &query.candidates[graph.places[place]]).collect();
+        let start = aligned(query, &members)?;
+        let is_near = |c: &&Candidate| is_near(query, &start, c);
+        members.iter().all(is_near).then(|| (group, start))
+    };
+    let mut begun: Vec<(Vec<usize>, Pose)> = groups.of_round(round).into_iter().filter_map(begun).collect();
+    begun.sort_by_cached_key(|(group, _)| std::cmp::Reverse(graph.support(group)));
+    begun.truncate(REFINED_OF_ROUND);
+    let mut scored: Vec<(f64, Pose)> = begun
+        .into_iter()
+        .filter_map(|(group, start)| {
+            let matches = group.iter().map(|&place| &query.candidates[graph.places[place]]);
+            let matches: Vec<Match> = matches.map(|c| Match::new(query, c.query_box, c.landmark)).collect();
+            let refined = refine(query, start, &matches, STEPS)?;
+            (refined.cost < MAX_COST * 4.0 * matches.len() as f64)
                 .then(|| (quick_score(query, &refined.pose), refined.pose))
         })
         .collect();
@@ -87,6 +130,15 @@ pub(super) fn starts(query: &PreparedQuery, groups: &Groups, round: usize) -> Ve
         }
     }
     chosen
+}
+
+/// Whether the box of a landmark is about as measured.
+fn is_near(query: &PreparedQuery, pose: &Pose, candidate: &Candidate) -> bool {
+    let shape = query.map.shape(candidate.landmark);
+    let Some(predicted) = Predicted::new(pose, &query.map.center(candidate.landmark), shape) else { return false };
+    let measured = &query.boxes[candidate.query_box];
+    let half = measured.half_size();
+    (0..4).all(|edge| (predicted.edges[edge] - measured.edges[edge]).abs() < MAX_OFF * half[edge % 2])
 }
 
 /// The sum of the best gain of each box.
@@ -144,58 +196,23 @@ impl Compatible {
         &self.bits[index * self.words..(index + 1) * self.words]
     }
 
-    /// The candidates that go with all of these.
-    fn common(&self, group: &[usize]) -> impl Iterator<Item = u64> {
-        (0..self.words).map(|word| group.iter().fold(u64::MAX, |all, &place| all & self.row(place)[word]))
-    }
-
     /// How many boxes have a candidate that goes with all of a group: of a true one nearly all, of others by chance.
     fn support(&self, group: &[usize]) -> usize {
+        let common = (0..self.words).map(|word| group.iter().fold(u64::MAX, |all, &place| all & self.row(place)[word]));
         let mut last = None;
-        ones(self.common(group)).filter(|&place| last.replace(self.boxes[place]) != Some(self.boxes[place])).count()
+        ones(common).filter(|&place| last.replace(self.boxes[place]) != Some(self.boxes[place])).count()
     }
 
-    fn all_pairs(&self) -> impl Iterator<Item = [usize; 2]> {
-        (0..self.places.len()).flat_map(|i| ones(after(i, self.row(i).iter().copied())).map(move |j| [i, j]))
+    fn pairs(&self) -> impl Iterator<Item = [u16; 2]> {
+        let of_first = |i: usize| ones(after(i, self.row(i).iter().copied())).map(move |j| [i as u16, j as u16]);
+        (0..self.places.len()).flat_map(of_first)
     }
 
     /// The third ones of triples, as bits.
-    fn thirds(&self, pair: &[usize; 2]) -> impl Iterator<Item = u64> {
-        after(pair[1], self.common(pair))
+    fn thirds(&self, pair: [u16; 2]) -> impl Iterator<Item = u64> {
+        let [a, b] = pair.map(|place| self.row(place.into()));
+        after(pair[1].into(), a.iter().zip(b).map(|(a, b)| a & b))
     }
-
-    fn pairs(&self) -> Vec<Vec<usize>> {
-        let count = self.all_pairs().count();
-        let chosen = self.all_pairs().enumerate().filter(|(k, _)| is_chosen(*k, count, MAX_GROUPS));
-        chosen.map(|(_, pair)| pair.to_vec()).collect()
-    }
-
-    fn triples(&self) -> Vec<Vec<usize>> {
-        let all = self.all_pairs().map(|pair| count(self.thirds(&pair))).sum();
-        let mut before = 0;
-        let mut chosen = Vec::new();
-        for pair in self.all_pairs() {
-            let end = before + count(self.thirds(&pair));
-            if first_chosen(before, all, MAX_GROUPS) < end {
-                let thirds = ones(self.thirds(&pair)).enumerate();
-                let of_pair = thirds.filter(|(k, _)| is_chosen(before + k, all, MAX_GROUPS));
-                chosen.extend(of_pair.map(|(_, k)| vec![pair[0], pair[1], k]));
-            }
-            before = end;
-        }
-        chosen
-    }
-}
-
-/// Whether the item with this index is one of at most so many of `count`, evenly spread.
-fn is_chosen(index: usize, count: usize, most: usize) -> bool {
-    first_chosen(index, count, most) == index
-}
-
-/// The first such item from an index on.
-fn first_chosen(index: usize, count: usize, most: usize) -> usize {
-    let step = count.div_ceil(most).max(1);
-    index.div_ceil(step) * step
 }
 
 /// The candidates of the boxes that may show the fewest landmarks: all, or as many boxes as [`MAX_CANDIDATES`] allows, at least three; of a
@@ -230,18 +247,51 @@ fn distances(a: &Candidate, b: &Candidate) -> [f64; 2] {
     [distance(x, y) * (1.0 - 1e-3), most]
 }
 
-/// The pose that brings landmarks nearest to the points where sizes place them; about gravity where that is known.
+/// Depths of three candidates: as sizes tell them, and as the distances of their landmarks ask for.
+fn depths(query: &PreparedQuery, members: &[&Candidate]) -> Option<Vec<f64>> {
+    let sizes: Vec<f64> = members.iter().map(|c| c.depths[1]).collect();
+    if members.len() != 3 {
+        return Some(sizes);
+    }
+    let mut depths = Vector3::from_column_slice(&sizes);
+    for _ in 0..DEPTH_STEPS {
+        let mut hessian = Matrix3::zeros();
+        let mut gradient = Vector3::zeros();
+        for (k, c) in members.iter().enumerate() {
+            let sd = 0.25 * (c.depths[2] - c.depths[0]);
+            hessian[(k, k)] += 1.0 / (sd * sd);
+            gradient[k] += (depths[k] - sizes[k]) / (sd * sd);
+        }
+        for [i, j] in [[0, 1], [0, 2], [1, 2]] {
+            let (a, b) = (members[i], members[j]);
+            let between = a.ray * depths[i] - b.ray * depths[j];
+            let known = (query.map.center(a.landmark) - query.map.center(b.landmark)).norm();
+            let length = between.norm().max(f64::MIN_POSITIVE);
+            let sd = DISTANCE_SD * known;
+            let mut slope = Vector3::zeros();
+            slope[i] = between.dot(&a.ray) / length;
+            slope[j] = -between.dot(&b.ray) / length;
+            hessian += slope * slope.transpose() / (sd * sd);
+            gradient += slope * ((length - known) / (sd * sd));
+        }
+        depths -= hessian.cholesky()?.solve(&gradient);
+    }
+    (depths.min() > 0.0).then(|| depths.iter().copied().collect())
+}
+
+/// The pose that brings landmarks nearest to the points where sizes and distances place them; about gravity where that is known.
 fn aligned(query: &PreparedQuery, members: &[&Candidate]) -> Option<Pose> {
     struct Point {
         camera: Vector3<f64>,
         world: Vector3<f64>,
         weight: f64,
     }
-    let point = |c: &&Candidate| {
-        let depth = c.depths[1];
-        Point { camera: c.ray * depth, world: query.map.center(c.landmark), weight: 1.0 / (depth * depth) }
+    let point = |(c, depth): (&&Candidate, f64)| Point {
+        camera: c.ray * depth,
+        world: query.map.center(c.landmark),
+        weight: 1.0 / (depth * depth),
     };
-    let points: Vec<Point> = members.iter().map(point).collect();
+    let points: Vec<Point> = members.iter().zip(depths(query, members)?).map(point).collect();
     let total: f64 = points.iter().map(|point| point.weight).sum();
     let mean = |of: fn(&Point) -> Vector3<f64>| {
         points.iter().fold(Vector3::zeros(), |sum, point| sum + of(point) * point.weight) / total

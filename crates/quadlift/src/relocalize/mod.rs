@@ -288,7 +288,7 @@ impl LandmarkMap {
                 last = last.min(2 * round);
             }
         }
-        let searched = groups.all && round == groups.rounds();
+        let searched = groups.are_complete() && round == groups.rounds();
         poses.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         poses.truncate(MAX_POSES);
         match &poses[..] {
