@@ -2,11 +2,12 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::Gravity;
 use super::prepared::{Candidate, PreparedQuery};
 use super::refine::{Match, Predicted, refine};
 use super::score::{gain, predictions};
 use crate::geometry::rigid::Pose;
-use crate::geometry::rotation::{between, nearest_rotation, nearest_turn};
+use crate::geometry::rotation::{between, nearest_turn};
 use crate::optimize::bits::{after, count, ones};
 
 /// Groups of candidates of a round, about: the search may end after one that finds a pose that explains most of the image.
@@ -21,9 +22,12 @@ const REFINED_OF_ROUND: usize = 1000;
 /// By how much edges may be off before a group is refined, relative to the half size of the box.
 const MAX_OFF: f64 = 0.3;
 
-/// Steps to the depths of a triple, and the standard deviation of distances, relative: errors of centers of boxes, about.
+/// Steps to the depths of three candidates. Standard deviation of a depth, relative to its range, and of the distance of two landmarks,
+/// relative to it: what errors of boxes do, about. The largest sum of squares.
 const DEPTH_STEPS: usize = 3;
+const DEPTH_SD: f64 = 0.25;
 const DISTANCE_SD: f64 = 0.03;
+const MAX_TRIANGLE_COST: f64 = 20.0;
 
 /// Candidates that hypotheses are made of, about: of more, those of the boxes that may show the fewest landmarks.
 const MAX_CANDIDATES: usize = 800;
@@ -36,6 +40,9 @@ const STEPS: usize = 4;
 
 /// Poses that are refined with all boxes.
 const STARTS: usize = 24;
+
+/// By how much an edge may be off where a box is compared quickly, relative to the half size: beyond, nothing is gained.
+const QUICK_REACH: f64 = 1.5;
 
 /// Factor on the noise of boxes while a pose follows only some of them.
 const WIDEN: f64 = 3.0;
@@ -101,10 +108,12 @@ impl Groups {
 pub(super) fn starts(query: &PreparedQuery, groups: &Groups, round: usize) -> Vec<Pose> {
     let graph = &groups.graph;
     let begun = |group: Vec<usize>| {
-        let members: Vec<&Candidate> = group.iter().map(|&place| &query.candidates[graph.places[place]]).collect();
-        let start = aligned(query, &members)?;
-        let is_near = |c: &&Candidate| is_near(query, &start, c);
-        members.iter().all(is_near).then(|| (group, start))
+        let member = |k: usize| &query.candidates[graph.places[group[k]]];
+        let start = match &query.gravity {
+            None => of_triangle(query, [member(0), member(1), member(2)])?,
+            Some(gravity) => of_pair(query, [member(0), member(1)], gravity)?,
+        };
+        (0..group.len()).all(|k| is_near(query, &start, member(k))).then_some((group, start))
     };
     let mut begun: Vec<(Vec<usize>, Pose)> = groups.of_round(round).into_iter().filter_map(begun).collect();
     begun.sort_by_cached_key(|(group, _)| std::cmp::Reverse(graph.support(group)));
@@ -136,9 +145,7 @@ pub(super) fn starts(query: &PreparedQuery, groups: &Groups, round: usize) -> Ve
 fn is_near(query: &PreparedQuery, pose: &Pose, candidate: &Candidate) -> bool {
     let shape = query.map.shape(candidate.landmark);
     let Some(predicted) = Predicted::new(pose, &query.map.center(candidate.landmark), shape) else { return false };
-    let measured = &query.boxes[candidate.query_box];
-    let half = measured.half_size();
-    (0..4).all(|edge| (predicted.edges[edge] - measured.edges[edge]).abs() < MAX_OFF * half[edge % 2])
+    predicted.is_within(&query.boxes[candidate.query_box], MAX_OFF)
 }
 
 /// The sum of the best gain of each box.
@@ -147,9 +154,8 @@ fn quick_score(query: &PreparedQuery, pose: &Pose) -> f64 {
     let best = |(index, alike): (usize, &Vec<usize>)| {
         let gains = alike.iter().filter_map(|&landmark| {
             let prediction = predicted[landmark].as_ref()?;
-            let measured = &query.boxes[index];
-            let near = (prediction.edges[0] - measured.edges[0]).abs() < 2.0 * (measured.edges[2] - measured.edges[0]);
-            near.then(|| gain(query, pose, prediction, &Match::new(query, index, landmark), WIDEN))
+            let is_near = prediction.is_within(&query.boxes[index], QUICK_REACH);
+            is_near.then(|| gain(query, pose, prediction, &Match::new(query, index, landmark), WIDEN))
         });
         gains.fold(0.0, f64::max)
     };
@@ -247,71 +253,62 @@ fn distances(a: &Candidate, b: &Candidate) -> [f64; 2] {
     [distance(x, y) * (1.0 - 1e-3), most]
 }
 
-/// Depths of three candidates: as sizes tell them, and as the distances of their landmarks ask for.
-fn depths(query: &PreparedQuery, members: &[&Candidate]) -> Option<Vec<f64>> {
-    let sizes: Vec<f64> = members.iter().map(|c| c.depths[1]).collect();
-    if members.len() != 3 {
-        return Some(sizes);
-    }
-    let mut depths = Vector3::from_column_slice(&sizes);
+/// The pose of a camera that sees three landmarks: with the depths that sizes and the distances of the landmarks ask for. `None` where
+/// these contradict each other.
+fn of_triangle(query: &PreparedQuery, members: [&Candidate; 3]) -> Option<Pose> {
+    let world = members.map(|c| query.map.center(c.landmark));
+    let sides = [[0, 1], [0, 2], [1, 2]].map(|[i, j]| (i, j, (world[i] - world[j]).norm()));
+    let sizes = Vector3::from(members.map(|c| c.depths[1]));
+    let sds = Vector3::from(members.map(|c| DEPTH_SD * (c.depths[2] - c.depths[0])));
+    let (mut depths, mut cost) = (sizes, 0.0);
     for _ in 0..DEPTH_STEPS {
-        let mut hessian = Matrix3::zeros();
-        let mut gradient = Vector3::zeros();
-        for (k, c) in members.iter().enumerate() {
-            let sd = 0.25 * (c.depths[2] - c.depths[0]);
-            hessian[(k, k)] += 1.0 / (sd * sd);
-            gradient[k] += (depths[k] - sizes[k]) / (sd * sd);
-        }
-        for [i, j] in [[0, 1], [0, 2], [1, 2]] {
-            let (a, b) = (members[i], members[j]);
-            let between = a.ray * depths[i] - b.ray * depths[j];
-            let known = (query.map.center(a.landmark) - query.map.center(b.landmark)).norm();
-            let length = between.norm().max(f64::MIN_POSITIVE);
-            let sd = DISTANCE_SD * known;
+        let off = (depths - sizes).component_div(&sds);
+        let mut hessian = Matrix3::from_diagonal(&sds.map(|sd| 1.0 / (sd * sd)));
+        let mut gradient = off.component_div(&sds);
+        cost = off.norm_squared();
+        for (i, j, known) in sides {
+            let side = members[i].ray * depths[i] - members[j].ray * depths[j];
+            let (length, sd) = (side.norm().max(f64::MIN_POSITIVE), DISTANCE_SD * known);
             let mut slope = Vector3::zeros();
-            slope[i] = between.dot(&a.ray) / length;
-            slope[j] = -between.dot(&b.ray) / length;
-            hessian += slope * slope.transpose() / (sd * sd);
-            gradient += slope * ((length - known) / (sd * sd));
+            slope[i] = side.dot(&members[i].ray) / (length * sd);
+            slope[j] = -side.dot(&members[j].ray) / (length * sd);
+            let off = (length - known) / sd;
+            hessian += slope * slope.transpose();
+            gradient += slope * off;
+            cost += off * off;
         }
         depths -= hessian.cholesky()?.solve(&gradient);
     }
-    (depths.min() > 0.0).then(|| depths.iter().copied().collect())
+    if !(depths.min() > 0.0 && cost < MAX_TRIANGLE_COST) {
+        return None;
+    }
+    let camera = [0, 1, 2].map(|k| members[k].ray * depths[k]);
+    let axes = |[a, b, c]: &[Vector3<f64>; 3]| {
+        let x = (b - a).normalize();
+        let z = x.cross(&(c - a)).normalize();
+        Matrix3::from_columns(&[x, z.cross(&x), z])
+    };
+    let rotation = axes(&camera) * axes(&world).transpose();
+    let mean = |points: [Vector3<f64>; 3]| points.into_iter().sum::<Vector3<f64>>() / 3.0;
+    let translation = mean(camera) - rotation * mean(world);
+    translation.iter().chain(&rotation).all(|x| x.is_finite()).then_some(Pose { rotation, translation })
 }
 
-/// The pose that brings landmarks nearest to the points where sizes and distances place them; about gravity where that is known.
-fn aligned(query: &PreparedQuery, members: &[&Candidate]) -> Option<Pose> {
-    struct Point {
-        camera: Vector3<f64>,
-        world: Vector3<f64>,
-        weight: f64,
-    }
-    let point = |(c, depth): (&&Candidate, f64)| Point {
-        camera: c.ray * depth,
-        world: query.map.center(c.landmark),
-        weight: 1.0 / (depth * depth),
-    };
-    let points: Vec<Point> = members.iter().zip(depths(query, members)?).map(point).collect();
-    let total: f64 = points.iter().map(|point| point.weight).sum();
-    let mean = |of: fn(&Point) -> Vector3<f64>| {
-        points.iter().fold(Vector3::zeros(), |sum, point| sum + of(point) * point.weight) / total
-    };
-    let (camera, world) = (mean(|p| p.camera), mean(|p| p.world));
-    let spread = |turn: &Matrix3<f64>| {
-        points.iter().fold(Matrix3::zeros(), |sum: Matrix3<f64>, p| {
-            sum + turn * (p.camera - camera) * (p.world - world).transpose() * p.weight
-        })
-    };
-    let rotation = match &query.gravity {
-        None => nearest_rotation(&spread(&Matrix3::identity()))?,
-        Some(gravity) => {
-            // The camera turned upright, then a turn about the vertical.
-            let up = gravity.up_in_world;
-            let upright = between(&gravity.up_in_camera, &up);
-            let turn = nearest_turn(&spread(upright.matrix()), &up);
-            upright.matrix().transpose() * turn.matrix()
-        }
-    };
-    let translation = camera - rotation * world;
+/// The pose that brings two landmarks nearest to the points where sizes place them, with known gravity.
+fn of_pair(query: &PreparedQuery, members: [&Candidate; 2], gravity: &Gravity) -> Option<Pose> {
+    let weights = members.map(|c| 1.0 / (c.depths[1] * c.depths[1]));
+    let mean =
+        |points: [Vector3<f64>; 2]| (points[0] * weights[0] + points[1] * weights[1]) / (weights[0] + weights[1]);
+    let camera = members.map(|c| c.ray * c.depths[1]);
+    let world = members.map(|c| query.map.center(c.landmark));
+    let (middle, world_middle) = (mean(camera), mean(world));
+    // The camera turned upright, then a turn about the vertical.
+    let up = gravity.up_in_world;
+    let upright = between(&gravity.up_in_camera, &up);
+    let spread = (0..2).fold(Matrix3::zeros(), |sum: Matrix3<f64>, k| {
+        sum + upright.matrix() * (camera[k] - middle) * (world[k] - world_middle).transpose() * weights[k]
+    });
+    let rotation = upright.matrix().transpose() * nearest_turn(&spread, &up).matrix();
+    let translation = middle - rotation * world_middle;
     translation.iter().all(|x| x.is_finite()).then_some(Pose { rotation, translation })
 }

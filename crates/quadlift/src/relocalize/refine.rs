@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
-use super::prepared::PreparedQuery;
+use super::prepared::{MeasuredBox, PreparedQuery};
 use crate::geometry::rigid::Pose;
 use crate::geometry::{box_of_outline, skew};
 use crate::optimize::student_t::StudentT;
@@ -41,6 +41,12 @@ impl Predicted {
         let conic = pose.rotation * shape * pose.rotation.transpose() - center * center.transpose();
         let edges = box_of_outline(&conic, center.z)?;
         Some(Self { edges, center, conic })
+    }
+
+    /// Whether no edge is farther from that of a box than so many of the box's half sizes.
+    pub(super) fn is_within(&self, measured: &MeasuredBox, half_sizes: f64) -> bool {
+        let half = measured.half_size();
+        (0..4).all(|edge| (self.edges[edge] - measured.edges[edge]).abs() < half_sizes * half[edge % 2])
     }
 
     /// Derivatives of an edge by a motion of [`moved`].

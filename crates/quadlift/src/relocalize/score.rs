@@ -30,13 +30,31 @@ pub(super) fn predictions(query: &PreparedQuery, pose: &Pose) -> Vec<Option<Pred
 
 /// Logarithm of the odds that a box shows a landmark, against a false box; `widen` multiplies standard deviations.
 pub(super) fn gain(query: &PreparedQuery, pose: &Pose, predicted: &Predicted, of: &Match, widen: f64) -> f64 {
+    SEEN.ln() + edge_gains(query, pose, predicted, of, widen).sum::<f64>()
+}
+
+/// The gains of the edges that say something.
+fn edge_gains<'a>(
+    query: &'a PreparedQuery,
+    pose: &Pose,
+    predicted: &Predicted,
+    of: &Match,
+    widen: f64,
+) -> impl Iterator<Item = f64> + 'a {
     let student_t = StudentT::new(super::refine::DOF);
     let clutter = query.boxes[of.query_box].log_clutter / 4.0;
-    let edges = edge_residuals(query, pose, predicted, of).into_iter().flatten().map(|edge| {
+    edge_residuals(query, pose, predicted, of).into_iter().flatten().map(move |edge| {
         let residual = edge.residual / widen;
         LOG_PEAK - 0.5 * student_t.cost_of_one(residual * residual) - (edge.sd * widen).ln() - clutter
-    });
-    SEEN.ln() + edges.sum::<f64>()
+    })
+}
+
+/// The largest gain, whichever edges are hidden.
+fn most_gain(query: &PreparedQuery, pose: &Pose, predicted: &Predicted, of: &Match) -> f64 {
+    let all_hidden = Match { one_sided: [true; 4], ..*of };
+    let least = edge_gains(query, pose, predicted, &all_hidden, 1.0).sum::<f64>();
+    let best = edge_gains(query, pose, predicted, of, 1.0).filter(|gain| *gain > 0.0).sum::<f64>();
+    SEEN.ln() + least.min(0.0) + best
 }
 
 /// Whether a box is so near to a predicted one that they may show the same object.
@@ -61,6 +79,10 @@ fn matches(query: &PreparedQuery, pose: &Pose, predicted: &[Option<Predicted>]) 
         for &landmark in alike {
             let Some(prediction) = predicted[landmark].as_ref().filter(|p| is_near(query, index, p)) else { continue };
             let mut of = Match::new(query, index, landmark);
+            // Whichever edges are hidden: that takes long to find out.
+            if most_gain(query, pose, prediction, &of) <= 0.0 {
+                continue;
+            }
             let hidden = occluded_edges(predicted, prediction);
             of.one_sided.iter_mut().zip(hidden).for_each(|(one_sided, hidden)| *one_sided |= hidden);
             let gain = gain(query, pose, prediction, &of, 1.0);
