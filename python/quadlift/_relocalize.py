@@ -52,7 +52,8 @@ class Location:
     ----------
     status : str
         ``"ok"``; ``"ambiguous"``: several poses explain the boxes; ``"no_pose"``: none explains them better than
-        chance; ``"too_few_objects"``: fewer than three boxes (two with gravity) whose categories are in the map.
+        chance; ``"too_few_objects"``: fewer than three boxes (two with gravity) whose categories are in the map;
+        ``"too_many_alike"``: hundreds of boxes may each show hundreds of objects.
     poses : list of LocatedPose
         Poses that explain the boxes, the most probable first. Trust the first one only if `ok`.
     """

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use quadlift::diagnosis::Diagnosis;
 use quadlift::run::{Check, diagnose_source, diagnose_unnamed};

@@ -38,6 +38,7 @@ use crate::words::{count, duration, some_of, with_unit};
 Columns:
   status    ok; ambiguous: several poses explain the boxes; no_pose: none explains them better than chance;
             too_few_objects: fewer than three boxes (two with gravity) of categories of the map;
+            too_many_alike: hundreds of boxes may each show hundreds of objects;
             inconsistent: all images fit the map clearly better once a common mistake is corrected
   objects   boxes that the pose explains / boxes of the frame
   position, rotation  standard deviations (root mean square of the axes)
@@ -195,13 +196,14 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     })
 }
 
-/// A mistake that all frames have in common. Frames without enough boxes say nothing.
+/// A mistake that all frames have in common. Frames that cannot be sought say nothing.
 fn common_mistake<'a>(
     map: &LandmarkMap,
     found: &'a [(FrameQuery, Relocalization)],
     options_of: impl Fn(&FrameQuery) -> LocateOptions,
 ) -> Option<CommonMistake> {
-    let sought = found.iter().filter(|(_, located)| located.status != LocateStatus::TooFewObjects);
+    let says_nothing = |status| matches!(status, LocateStatus::TooFewObjects | LocateStatus::TooManyAlike);
+    let sought = found.iter().filter(|(_, located)| !says_nothing(located.status));
     let image = |(frame, located): &'a (FrameQuery, Relocalization)| LocatedImage {
         query: &frame.query,
         options: options_of(frame),

@@ -30,7 +30,7 @@ const FINER: [f64; 3] = [1.1, 1.05, 1.025];
 /// Share of the images that are located where nothing is wrong; below it all mistakes are tried. A correction must locate as many.
 const USUAL_SHARE: f64 = 0.75;
 
-/// Share of the boxes that are explained where nothing is wrong; below it all mistakes are tried.
+/// Share of the boxes that are explained where nothing is wrong; below it all mistakes are tried. A correction must explain as many.
 const USUAL_MATCHES: f64 = 0.6;
 
 /// Logarithm of the evidence by which a correction must be better, and the share of the evidence.
@@ -96,12 +96,12 @@ impl LandmarkMap {
         let is_usual = |found: &Explained| found.located as f64 >= USUAL_SHARE * sample.len() as f64;
         let is_known = |b: &&QueryBox| self.landmarks.iter().any(|landmark| landmark.may_be(b.category.as_deref()));
         let boxes: usize = sample.iter().map(|image| image.query.boxes.iter().filter(is_known).count()).sum();
-        let explains = given.matches as f64 >= USUAL_MATCHES * boxes as f64;
+        let explains = |found: &Explained| found.matches as f64 >= USUAL_MATCHES * boxes as f64;
         let is_clear = |found: &Explained| found.evidence > given.evidence + CLEARLY.max(CLEAR_SHARE * given.evidence);
         let both = |factor: f64| [Correction::ImageScale(factor), Correction::FocalFactor(factor)];
         let near: Vec<Correction> = [1.0 / NEAR, NEAR].into_iter().flat_map(both).collect();
         let mut best = self.best_of(&near, &sample)?;
-        if !is_clear(&best.1) && is_usual(&given) && explains {
+        if !is_clear(&best.1) && is_usual(&given) && explains(&given) {
             return None;
         }
         let factors = (1..=STEPS).flat_map(|k| [STEP.powi(-k), STEP.powi(k)]);
@@ -129,7 +129,7 @@ impl LandmarkMap {
             best = self.best_of(&finer, &sample).filter(|other| other.1.evidence > best.1.evidence).unwrap_or(best);
         }
         let (correction, Explained { evidence, .. }) = best;
-        (is_clear(&best.1) && is_usual(&best.1)).then_some(CommonMistake {
+        (is_clear(&best.1) && is_usual(&best.1) && explains(&best.1)).then_some(CommonMistake {
             correction,
             evidence: given.evidence,
             corrected_evidence: evidence,

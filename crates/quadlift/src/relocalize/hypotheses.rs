@@ -2,10 +2,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::Gravity;
 use super::prepared::{Candidate, PreparedQuery};
 use super::refine::{Match, Predicted, refine};
 use super::score::{gain, predictions};
+use super::{Gravity, LandmarkMap, Query, QueryBox};
 use crate::geometry::rigid::Pose;
 use crate::geometry::rotation::{between, nearest_turn};
 use crate::optimize::bits::{after, count, ones};
@@ -15,6 +15,9 @@ const GROUPS_OF_ROUND: usize = 20_000;
 
 /// Rounds at most, which bounds the time to about a second.
 const MAX_ROUNDS: usize = 100;
+
+/// Comparisons of boxes with landmarks for all poses, about, which bounds the time in large maps to seconds.
+const MAX_COMPARISONS: usize = 50_000_000;
 
 /// Groups of a round that are refined at most: those with the most support.
 const REFINED_OF_ROUND: usize = 1000;
@@ -44,8 +47,35 @@ const STARTS: usize = 24;
 /// By how much an edge may be off where a box is compared quickly, relative to the half size: beyond, nothing is gained.
 const QUICK_REACH: f64 = 1.5;
 
+/// How often a pose is compared with all boxes while it is refined, about: it is matched and refined in several rounds.
+pub(super) const MATCHED: usize = 10;
+
 /// Factor on the noise of boxes while a pose follows only some of them.
 const WIDEN: f64 = 3.0;
+
+/// How many poses may still be compared with all boxes.
+pub(super) struct Budget(usize);
+
+impl Budget {
+    /// As many as take about a second.
+    pub(super) fn new(map: &LandmarkMap, query: &Query) -> Self {
+        let alike = |b: &QueryBox| map.landmarks().iter().filter(|known| known.may_be(b.category.as_deref())).count();
+        Self(MAX_COMPARISONS / query.boxes.iter().map(alike).sum::<usize>().max(1))
+    }
+
+    /// Whether not even one round can be examined.
+    pub(super) fn is_small(&self) -> bool {
+        self.0 < STARTS * MATCHED
+    }
+
+    pub(super) fn spend(&mut self, poses: usize) {
+        self.0 = self.0.saturating_sub(poses);
+    }
+
+    pub(super) fn is_spent(&self) -> bool {
+        self.0 == 0
+    }
+}
 
 /// The groups of candidates that may give a pose: triples, or pairs where gravity is known.
 pub(super) struct Groups {
@@ -105,7 +135,7 @@ impl Groups {
 }
 
 /// Poses of the groups of one round that explain many boxes, the best first.
-pub(super) fn starts(query: &PreparedQuery, groups: &Groups, round: usize) -> Vec<Pose> {
+pub(super) fn starts(query: &PreparedQuery, groups: &Groups, round: usize, budget: &mut Budget) -> Vec<Pose> {
     let graph = &groups.graph;
     let begun = |group: Vec<usize>| {
         let member = |k: usize| &query.candidates[graph.places[group[k]]];
@@ -121,11 +151,16 @@ pub(super) fn starts(query: &PreparedQuery, groups: &Groups, round: usize) -> Ve
     let mut scored: Vec<(f64, Pose)> = begun
         .into_iter()
         .filter_map(|(group, start)| {
+            if budget.is_spent() {
+                return None;
+            }
             let matches = group.iter().map(|&place| &query.candidates[graph.places[place]]);
             let matches: Vec<Match> = matches.map(|c| Match::new(query, c.query_box, c.landmark)).collect();
             let refined = refine(query, start, &matches, STEPS)?;
-            (refined.cost < MAX_COST * 4.0 * matches.len() as f64)
-                .then(|| (quick_score(query, &refined.pose), refined.pose))
+            (refined.cost < MAX_COST * 4.0 * matches.len() as f64).then(|| {
+                budget.spend(1);
+                (quick_score(query, &refined.pose), refined.pose)
+            })
         })
         .collect();
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));

@@ -53,7 +53,7 @@ mod tests;
 use nalgebra::{Matrix3, Matrix6, Unit, Vector2, Vector3};
 
 pub use self::check::{CommonMistake, LocatedImage};
-use self::hypotheses::Groups;
+use self::hypotheses::{Budget, Groups, MATCHED};
 use self::prepared::PreparedQuery;
 use crate::geometry::rigid::Pose;
 use crate::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics};
@@ -148,6 +148,8 @@ pub enum LocateStatus {
     Ambiguous,
     /// Fewer than three boxes (two with gravity) whose category is in the map.
     TooFewObjects,
+    /// So many boxes may show so many objects, because they share a category, that no search could come far: hundreds of each.
+    TooManyAlike,
     /// No pose explains it better than chance.
     NoPose,
     /// All images are clearly better explained once a common mistake is corrected. [`LandmarkMap::relocalize`] sees one image and does
@@ -162,6 +164,7 @@ impl LocateStatus {
             Self::Ok => "ok",
             Self::Ambiguous => "ambiguous",
             Self::TooFewObjects => "too_few_objects",
+            Self::TooManyAlike => "too_many_alike",
             Self::NoPose => "no_pose",
             Self::Inconsistent => "inconsistent",
         }
@@ -259,6 +262,10 @@ impl LandmarkMap {
     /// The pose of the camera of an image. The same input gives the same answer.
     pub fn relocalize(&self, query: &Query, options: &LocateOptions) -> Relocalization {
         let nowhere = |status| Relocalization { status, poses: Vec::new() };
+        let mut budget = Budget::new(self, query);
+        if budget.is_small() {
+            return nowhere(LocateStatus::TooManyAlike);
+        }
         let prepared = PreparedQuery::new(self, query, options);
         let needed = if options.gravity.is_some() { 2 } else { 3 };
         if prepared.boxes_with_candidates() < needed {
@@ -270,8 +277,12 @@ impl LandmarkMap {
             pose.matches.len() >= ENOUGH_MATCHES && 2 * pose.matches.len() > prepared.boxes_with_candidates()
         };
         let (mut round, mut last) = (0, groups.rounds());
-        while round < last {
-            for start in hypotheses::starts(&prepared, &groups, round) {
+        while round < last && !budget.is_spent() {
+            for start in hypotheses::starts(&prepared, &groups, round, &mut budget) {
+                if budget.is_spent() && !poses.is_empty() {
+                    break;
+                }
+                budget.spend(MATCHED);
                 let found = score::located(&prepared, start).filter(|pose| pose.matches.len() >= needed);
                 let Some(pose) = found else { continue };
                 let at = Pose::from(&pose.cam_from_world);
@@ -288,7 +299,7 @@ impl LandmarkMap {
                 last = last.min(2 * round);
             }
         }
-        let searched = groups.are_complete() && round == groups.rounds();
+        let searched = groups.are_complete() && round == groups.rounds() && !budget.is_spent();
         poses.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         poses.truncate(MAX_POSES);
         match &poses[..] {

@@ -177,3 +177,46 @@ proptest! {
         }
     }
 }
+
+/// The scene with every frame so many times; the copies of a frame follow it.
+fn repeated(scene: &Scene, times: u32) -> Scene {
+    let mut parts = scene.clone().into_parts();
+    let (frames, detections) = (std::mem::take(&mut parts.frames), std::mem::take(&mut parts.detections));
+    for frame in &frames {
+        for copy in 0..times {
+            parts.frames.push(quadlift::scene::Frame { id: format!("{} {copy:02}", frame.id), ..frame.clone() });
+        }
+    }
+    for detection in detections {
+        for copy in 0..times {
+            let frame_index = detection.frame_index * times + copy;
+            parts.detections.push(quadlift::scene::Detection { frame_index, ..detection.clone() });
+        }
+    }
+    Scene::from_parts(parts).unwrap()
+}
+
+#[test]
+fn copies_of_frames_tell_nothing_new() {
+    let scene = crowd(3);
+    let once = localize(&scene, &LocalizeOptions::default()).unwrap();
+    let again = localize(&repeated(&scene, 5), &LocalizeOptions::default()).unwrap();
+    assert!(once.estimates.iter().filter(|e| e.status == Status::Ok).count() > 5);
+    for (a, b) in once.estimates.iter().zip(&again.estimates) {
+        assert_eq!((a.status, 5 * a.views.len()), (b.status, b.views.len()));
+        let [a_body, b_body] = [a, b].map(|e| e.ellipsoid().map(|e| e.center));
+        if let Some((a_body, b_body)) = a_body.zip(b_body) {
+            assert!((a_body - b_body).norm() < 1e-6, "{a_body} {b_body}");
+        }
+        // All copies of a view are used, or none.
+        let used = |k: usize| a.views[k].inlier;
+        assert!(
+            b.views
+                .iter()
+                .enumerate()
+                .all(|(k, view)| view.frame_index == 5 * a.views[k / 5].frame_index + k % 5
+                    && view.inlier == used(k / 5))
+        );
+    }
+    assert_eq!(once.cross_validation.predictions().count(), again.cross_validation.predictions().count());
+}
