@@ -3,29 +3,38 @@
 use std::collections::HashMap;
 
 use super::Localization;
-use crate::association::places::Places;
+use crate::association::places::{MIN_OVERLAP, Places};
 use crate::scene::Scene;
-use crate::solve::{RefinedPose, ScaledQuantity, ViewReport};
+use crate::solve::{RefinedPose, Rejection, ScaledQuantity, ViewReport};
 
 /// Gives the copies of a view what is known of the view, and frames their indices in the scene.
 pub(super) fn spread(places: &Places, scene: &Scene, found: &mut Localization) {
-    let frame_of = |detection: usize| scene.detections[detection].frame_index as usize;
-    let mut copies: HashMap<(usize, usize), Vec<usize>> = HashMap::new();
+    // The frames of the copies of each view, and whether the copy is where the others are.
+    let mut copies: HashMap<(usize, usize), Vec<(usize, bool)>> = HashMap::new();
     for (thing, of_thing) in places.scene.detections.iter().zip(&places.copies) {
+        let of_copy = |&detection: &usize| {
+            let copy = &scene.detections[detection];
+            let both = copy.bounding_box.zip(thing.bounding_box);
+            (copy.frame_index as usize, both.is_none_or(|(own, usual)| own.iou(&usual) >= MIN_OVERLAP))
+        };
         if let Some(object) = thing.object_index {
-            let frames = of_thing.iter().map(|&detection| frame_of(detection)).collect();
-            copies.insert((object as usize, thing.frame_index as usize), frames);
+            copies.insert((object as usize, thing.frame_index as usize), of_thing.iter().map(of_copy).collect());
         }
     }
     let first =
-        |object: usize, place: usize| copies.get(&(object, place)).map_or(places.frames[place][0], |all| all[0]);
+        |object: usize, place: usize| copies.get(&(object, place)).map_or(places.frames[place][0], |all| all[0].0);
     for estimate in &mut found.estimates {
         let object = estimate.object_index;
         let of_view = |view: &ViewReport| {
             let view = *view;
-            let frames = copies.get(&(object, view.frame_index)).cloned();
-            let frames = frames.unwrap_or_else(|| vec![places.frames[view.frame_index][0]]);
-            frames.into_iter().map(move |frame_index| ViewReport { frame_index, ..view })
+            let known = copies.get(&(object, view.frame_index)).cloned();
+            let known = known.unwrap_or_else(|| vec![(places.frames[view.frame_index][0], true)]);
+            known.into_iter().map(move |(frame_index, agrees)| match agrees {
+                true => ViewReport { frame_index, ..view },
+                false => {
+                    ViewReport { rejection_reason: Some(Rejection::Residual), ..ViewReport::not_used(frame_index) }
+                }
+            })
         };
         estimate.views = estimate.views.iter().flat_map(of_view).collect();
         estimate.views.sort_by_key(|view| view.frame_index);

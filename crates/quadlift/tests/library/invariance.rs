@@ -200,7 +200,8 @@ fn repeated(scene: &Scene, times: u32) -> Scene {
 fn copies_of_frames_tell_nothing_new() {
     let scene = crowd(3);
     let once = localize(&scene, &LocalizeOptions::default()).unwrap();
-    let again = localize(&repeated(&scene, 5), &LocalizeOptions::default()).unwrap();
+    let copies = repeated(&scene, 5);
+    let again = localize(&copies, &LocalizeOptions::default()).unwrap();
     assert!(once.estimates.iter().filter(|e| e.status == Status::Ok).count() > 5);
     for (a, b) in once.estimates.iter().zip(&again.estimates) {
         assert_eq!((a.status, 5 * a.views.len()), (b.status, b.views.len()));
@@ -219,4 +220,16 @@ fn copies_of_frames_tell_nothing_new() {
         );
     }
     assert_eq!(once.cross_validation.predictions().count(), again.cross_validation.predictions().count());
+    // One wrong box among the copies changes nothing, and is told.
+    let mut one_wrong = copies.clone();
+    let elsewhere = BoundingBox::new([1.0, 1.0, 9.0, 9.0]).unwrap();
+    one_wrong.edit(|parts| parts.detections[2].bounding_box = Some(elsewhere)).unwrap();
+    let found = localize(&one_wrong, &LocalizeOptions::default()).unwrap();
+    let wrong = &copies.detections[2];
+    let of_object = |e: &&Estimate| Some(e.object_index as u32) == wrong.object_index;
+    let [before, after] = [&again, &found].map(|found| found.estimates.iter().find(of_object).unwrap());
+    assert!((before.center.unwrap() - after.center.unwrap()).norm() < 1e-6);
+    let view = after.views.iter().find(|view| view.frame_index == wrong.frame_index as usize).unwrap();
+    assert!(!view.inlier && view.rejection_reason.is_some());
+    assert_eq!(before.views_used(), after.views_used() + 1);
 }
