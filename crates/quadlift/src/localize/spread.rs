@@ -5,7 +5,10 @@ use std::collections::HashMap;
 use super::Localization;
 use crate::association::places::{MIN_OVERLAP, Places};
 use crate::scene::Scene;
-use crate::solve::{RefinedPose, Rejection, ScaledQuantity, ViewReport};
+use crate::solve::{RefinedPose, Rejection, ScaledQuantity, Status, ViewReport};
+
+/// Views that are enough for any method, from different places.
+const MIN_VIEWS: usize = 3;
 
 /// Gives the copies of a view what is known of the view, and frames their indices in the scene.
 pub(super) fn spread(places: &Places, scene: &Scene, found: &mut Localization) {
@@ -38,6 +41,10 @@ pub(super) fn spread(places: &Places, scene: &Scene, found: &mut Localization) {
         };
         estimate.views = estimate.views.iter().flat_map(of_view).collect();
         estimate.views.sort_by_key(|view| view.frame_index);
+        // There are views, but from too few places.
+        if estimate.status == Status::TooFewViews && estimate.views.len() > MIN_VIEWS {
+            estimate.status = Status::Degenerate;
+        }
     }
     let of_pose = |pose: &RefinedPose| {
         let pose = pose.clone();
