@@ -12,6 +12,7 @@ class Quadlift < Formula
   def install
     system "cargo", "install", *std_cargo_args(path: "crates/quadlift-cli", features: "parquet")
     generate_completions_from_executable(bin/"quadlift", "completions")
+    (man1/"quadlift.1").write Utils.safe_popen_read(bin/"quadlift", "man")
   end
 
   test do
