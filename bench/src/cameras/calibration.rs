@@ -1,4 +1,4 @@
-//! Rigs of fixed cameras from people who walk by (`quadlift calibrate`): synthetic halls.
+//! Rigs of fixed cameras from people who walk by (`quadlift calibrate-rig`): synthetic halls.
 
 use std::collections::BTreeMap;
 
@@ -193,7 +193,7 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
     let steps = Steps::new("cameras", ROWS.len(), run.progress);
     let count = run.scenes(HALLS);
     report.text(format!(
-        "Fixed cameras at the walls of halls of 8 x 6 m, 2.5 to 3 m high, calibrated by `quadlift calibrate` from the boxes of people who \
+        "Fixed cameras at the walls of halls of 8 x 6 m, 2.5 to 3 m high, calibrated by `quadlift calibrate-rig` from the boxes of people who \
          walk (bodies with shoulders, which no ellipsoid of revolution is), half a second apart: {MISSES} of the people have no box, and beside {FALSE_BOXES} of the boxes there is a \
          false one. One distance between two cameras is known. Errors are those of each camera relative to the first one, \
          over {count} halls ({} of two cameras). Right: within {RIGHT_DEGREES} degree and {RIGHT_METERS} m; wrong: not right, with a pose, and \
