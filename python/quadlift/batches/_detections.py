@@ -55,8 +55,8 @@ class Settings:
                 )
             if name not in known:
                 raise QuadliftError(f"there is no option {name!r} here; expected one of {', '.join(sorted(known))}")
-        # The consistency check and the detection of upright objects need whole scenes: objects that are solved one by one do
-        # not depend on them.
+        # The consistency check and the detection of upright objects need whole scenes: objects that are solved one by
+        # one do not depend on them.
         of_objects: dict[str, Any] = {"associate": "never", "allow_inconsistent": True}
         if options.get("method", "posterior") == "posterior":
             of_objects["upright"] = False
