@@ -58,7 +58,7 @@ pub(crate) struct Places {
 }
 
 impl Places {
-    /// The scene of these detections with one frame for each place; `None` if all frames are from different places.
+    /// The scene of these detections with one frame for each place; `None` if nothing is seen twice from a place.
     pub(crate) fn of(scene: &Scene, detections: &[usize], ids: IdPolicy) -> Option<Self> {
         let places = first_frames(scene)?;
         let mut by_frame: Vec<Vec<usize>> = vec![Vec::new(); places.len()];
@@ -74,6 +74,9 @@ impl Places {
         for (index, frames) in frames.iter().enumerate() {
             let boxes: Vec<&[usize]> = frames.iter().map(|&frame| by_frame[frame].as_slice()).collect();
             things.extend(seen(scene, &boxes, ids).into_iter().map(|thing| (index as u32, thing)));
+        }
+        if things.iter().all(|(_, thing)| thing.copies.len() == 1) {
+            return None;
         }
         things.sort_by_key(|(_, thing)| thing.copies[0]);
         let mut parts = scene.clone().into_parts();
