@@ -74,10 +74,10 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let mut text = String::new();
     let mut document = json!({});
     let mut evaluation = None;
-    // Detections alone can be compared as well.
     // `associate` keeps the true objects of its scene, which are no estimates.
     let is_truth = estimate.1.localization.is_none() && estimate.1.objects == truth.1.objects;
     let has_identities = matches!(division, DivisionOutcome::Scored(_));
+    // Detections alone can be compared as well.
     let has_objects = !(estimate.1.objects.is_empty() || truth.1.objects.is_empty() || (is_truth && has_identities));
     if let Some(why) = why_no_identities(&division)
         && !has_objects

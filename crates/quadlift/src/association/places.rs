@@ -10,6 +10,7 @@ use super::input::observations::Camera;
 use super::input::point_tree::PointTree;
 use super::options::IdPolicy;
 use super::result::Association;
+use super::statistics::median;
 use crate::geometry::BoundingBox;
 use crate::scene::{Detection, PointObservation, Scene};
 
@@ -127,7 +128,7 @@ impl Seen {
 
     fn add(&mut self, scene: &Scene, detection: usize) {
         self.copies.push(detection);
-        if let Some(found) = measured(&scene.detections[detection]) {
+        if let Some(found) = scene.detections[detection].measured_box() {
             self.measured += 1;
             for (sum, edge) in self.sum.iter_mut().zip(found.edges()) {
                 *sum += edge;
@@ -143,13 +144,9 @@ impl Seen {
     fn median(&self, scene: &Scene) -> Option<BoundingBox> {
         let boxes: Vec<[f64; 4]> =
             self.copies.iter().filter_map(|&copy| Some(scene.detections[copy].bounding_box?.edges())).collect();
-        let median = |edge: usize| {
-            let mut values: Vec<f64> = boxes.iter().map(|edges| edges[edge]).collect();
-            values.sort_by(f64::total_cmp);
-            let middle = values.len() / 2;
-            if values.len() % 2 == 1 { values[middle] } else { 0.5 * (values[middle - 1] + values[middle]) }
-        };
-        if boxes.is_empty() { None } else { BoundingBox::new(std::array::from_fn(median)).ok() }
+        let of_edge = |edge: usize| median(&mut boxes.iter().map(|edges| edges[edge]).collect::<Vec<f64>>());
+        let [left, top, right, bottom] = [0, 1, 2, 3].map(of_edge);
+        BoundingBox::new([left?, top?, right?, bottom?]).ok()
     }
 
     /// The first copy as a detection of a frame, with the median box.
@@ -158,10 +155,6 @@ impl Seen {
         let bounding_box = first.bounding_box.and_then(|_| self.median(scene));
         Detection { frame_index, bounding_box, ..first.clone() }
     }
-}
-
-fn measured(detection: &Detection) -> Option<BoundingBox> {
-    detection.bounding_box.or_else(|| detection.ellipse.map(|e| e.bounding_box()))
 }
 
 /// The first frame from the place of each frame; `None` if each is its own.
@@ -250,7 +243,7 @@ fn overlap(scene: &Scene, seen: &Seen, detection: usize) -> f64 {
     if own.category_index != first.category_index {
         return 0.0;
     }
-    seen.mean().zip(measured(own)).map_or(0.0, |(mean, own)| mean.iou(&own))
+    seen.mean().zip(own.measured_box()).map_or(0.0, |(mean, own)| mean.iou(&own))
 }
 
 #[cfg(test)]

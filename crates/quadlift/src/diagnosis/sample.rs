@@ -103,7 +103,7 @@ pub(crate) fn loose_boxes(scene: &Scene, is_used: impl Fn(&Detection) -> bool) -
 
 /// The box of a detection, or the one around its ellipse; with `only_whole` only if the image border does not cut it.
 fn measured_box(scene: &Scene, detection: &Detection, only_whole: bool) -> Option<BoundingBox> {
-    let measured = detection.bounding_box.or_else(|| detection.ellipse.map(|e| e.bounding_box()))?;
+    let measured = detection.measured_box()?;
     let b = detection.box_in_image.unwrap_or(measured);
     let cut = scene.frames[detection.frame_index as usize].image_size.is_some_and(|size| {
         let at = |edge: f64, border: f64| (edge - border).abs() <= BORDER_PX;

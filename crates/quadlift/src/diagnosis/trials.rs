@@ -105,10 +105,7 @@ impl<'a> Tried<'a> {
     }
 
     fn associated(&self, mut scene: Scene, correction: Correction) -> Result<Trial, AssociateError> {
-        let area = |d: &Detection| {
-            let b = d.bounding_box.or_else(|| d.ellipse.map(|e| e.bounding_box()));
-            b.map_or(0.0, |b| b.size().product())
-        };
+        let area = |d: &Detection| d.measured_box().map_or(0.0, |b| b.size().product());
         let mut by_frame: Vec<Vec<(f64, usize)>> = vec![Vec::new(); scene.frames.len()];
         for (index, d) in scene.detections.iter().enumerate() {
             if self.frames[d.frame_index as usize] && (self.source.is_none() || d.source_index == self.source) {

@@ -49,17 +49,23 @@ impl FrameOrder {
         }
         found.refined_poses.iter_mut().for_each(|pose| pose.frame_index = self.old[pose.frame_index]);
         found.refined_poses.sort_by_key(|pose| pose.frame_index);
-        for object in &mut found.cross_validation.objects {
-            let odd = object.suspect_view().map(|odd| self.old[odd.frame_index]);
-            object.predictions.iter_mut().for_each(|one| one.frame_index = self.old[one.frame_index]);
-            object.predictions.sort_by_key(|one| one.frame_index);
-            object.odd = odd.and_then(|odd| object.predictions.iter().position(|one| one.frame_index == odd));
-        }
+        renumber_predictions(found, |_, frame| self.old[frame]);
         for scale in &mut found.cue_scales {
             if let ScaledQuantity::DepthOfFrame { frame } = &mut scale.quantity {
                 *frame = self.old[*frame];
             }
         }
+    }
+}
+
+/// Gives the predictions other frames, from their estimates (indices) and frames, and puts them in the order of these.
+pub(super) fn renumber_predictions(found: &mut Localization, new: impl Fn(usize, usize) -> usize) {
+    for object in &mut found.cross_validation.objects {
+        let estimate = object.estimate_index;
+        let odd = object.suspect_view().map(|odd| new(estimate, odd.frame_index));
+        object.predictions.iter_mut().for_each(|one| one.frame_index = new(estimate, one.frame_index));
+        object.predictions.sort_by_key(|one| one.frame_index);
+        object.odd = odd.and_then(|odd| object.predictions.iter().position(|one| one.frame_index == odd));
     }
 }
 

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use super::Localization;
+use super::order::renumber_predictions;
 use crate::association::places::{MIN_OVERLAP, Places};
 use crate::scene::Scene;
 use crate::solve::{RefinedPose, Rejection, ScaledQuantity, Status, ViewReport};
@@ -52,13 +53,8 @@ pub(super) fn spread(places: &Places, scene: &Scene, found: &mut Localization) {
     };
     found.refined_poses = found.refined_poses.iter().flat_map(of_pose).collect();
     found.refined_poses.sort_by_key(|pose| pose.frame_index);
-    for of_object in &mut found.cross_validation.objects {
-        let object = found.estimates[of_object.estimate_index].object_index;
-        let odd = of_object.suspect_view().map(|odd| first(object, odd.frame_index));
-        of_object.predictions.iter_mut().for_each(|one| one.frame_index = first(object, one.frame_index));
-        of_object.predictions.sort_by_key(|one| one.frame_index);
-        of_object.odd = odd.and_then(|odd| of_object.predictions.iter().position(|one| one.frame_index == odd));
-    }
+    let objects: Vec<usize> = found.estimates.iter().map(|estimate| estimate.object_index).collect();
+    renumber_predictions(found, |estimate, place| first(objects[estimate], place));
     for scale in &mut found.cue_scales {
         if let ScaledQuantity::DepthOfFrame { frame } = &mut scale.quantity {
             *frame = places.frames[*frame][0];

@@ -129,6 +129,11 @@ pub struct Detection {
 }
 
 impl Detection {
+    /// The box of the measurement in pixels: the box itself, or the one around the ellipse.
+    pub fn measured_box(&self) -> Option<BoundingBox> {
+        self.bounding_box.or_else(|| self.ellipse.map(|ellipse| ellipse.bounding_box()))
+    }
+
     /// Whether it says where the object is: by a box, an ellipse, or a 3D box with a center.
     pub fn is_measured(&self) -> bool {
         self.bounding_box.is_some() || self.ellipse.is_some() || self.cues.as_deref().is_some_and(Cues::have_center)

@@ -42,8 +42,7 @@ impl Observations {
         for &index in detections {
             let detection = &scene.detections[index];
             let frame = detection.frame_index as usize;
-            let measured = detection.bounding_box.or_else(|| detection.ellipse.map(|e| e.bounding_box()));
-            let Some(measured) = measured.filter(|_| centers[frame].is_some()) else { continue };
+            let Some(measured) = detection.measured_box().filter(|_| centers[frame].is_some()) else { continue };
             let category = match categories.iter().position(|&c| c == detection.category_index) {
                 Some(known) => known,
                 None => {

@@ -2,7 +2,7 @@
 
 use crate::association::options::{AssociateError, AssociateOptions};
 use crate::geometry::BoundingBox;
-use crate::scene::{Detection, Scene, SkippedDetections};
+use crate::scene::{Scene, SkippedDetections};
 
 /// The selected detections (indices into the scene, ascending) and the numbers of skipped ones, by reason.
 pub(crate) fn select(
@@ -36,11 +36,10 @@ fn is_below(score: Option<f64>, least: Option<f64>) -> bool {
 /// Non-maximum suppression in every frame and category: processes the best detections first and drops those that
 /// overlap one of them by more than `limit`.
 fn without_duplicates(scene: &Scene, mut indices: Vec<usize>, limit: f64) -> Vec<usize> {
-    let bounds = |detection: &Detection| detection.bounding_box.or_else(|| detection.ellipse.map(|e| e.bounding_box()));
     let rank = |index: usize| {
         let detection = &scene.detections[index];
         // Detections without a score come after those with one.
-        let area = bounds(detection).map_or(0.0, |b| b.size().product());
+        let area = detection.measured_box().map_or(0.0, |b| b.size().product());
         (detection.score.unwrap_or(f64::NEG_INFINITY), area)
     };
     let group = |index: usize| {
@@ -56,7 +55,7 @@ fn without_duplicates(scene: &Scene, mut indices: Vec<usize>, limit: f64) -> Vec
     for members in indices.chunk_by(|&a, &b| group(a) == group(b)) {
         let mut boxes: Vec<BoundingBox> = Vec::new();
         for &index in members {
-            let Some(own) = bounds(&scene.detections[index]) else { continue };
+            let Some(own) = scene.detections[index].measured_box() else { continue };
             if boxes.iter().all(|better| better.iou(&own) <= limit) {
                 boxes.push(own);
                 kept.push(index);
