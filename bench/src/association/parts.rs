@@ -29,7 +29,6 @@ fn rows() -> Vec<Row> {
     let doubt = |name, reason| without(name, Part::Warning(reason));
     vec![
         Row { name: "everything", thorough: false, without: None },
-        without("objects are not merged", Part::Merge),
         without("nested bodies stay", Part::Nested),
         without("one pass", Part::SecondPass),
         doubt("length is no reason for doubt", AssociationWarning::Elongated),

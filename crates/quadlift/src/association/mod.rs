@@ -8,7 +8,7 @@
 //!    (`score::log_likelihood_ratio`); the remaining boxes form new objects in pairs (`score::rays`).
 //! 3. `search::em`, rounds: assign the boxes again (`search::assignment`), fit the bodies (`score::fit`), update the scene's
 //!    noise, sizes and clutter (`score::scene_statistics`, `search::frame_shift`), remove weak objects
-//!    (`score::evidence`), merge (`search::merge`), and add new ones (`search::births`).
+//!    (`score::evidence`) and bodies inside others (`search::nested`), and add new ones (`search::births`).
 //! 4. `search::passes`: runs all of this twice, the second time with the learned statistics; the result with more
 //!    evidence is kept. A thorough search tries more starts.
 //!

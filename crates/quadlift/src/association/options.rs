@@ -20,8 +20,6 @@ pub enum IdPolicy {
 #[doc(hidden)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
-    /// Objects whose union has more evidence are merged.
-    Merge,
     /// The weaker of two overlapping bodies is removed.
     Nested,
     /// The search runs twice, the second time with the learned statistics.

@@ -7,7 +7,13 @@ use super::update::{DetectionRef, Event, FrameUpdate, ObjectId, Removal};
 use super::views::KeptView;
 use crate::association::score::evidence::evidence;
 use crate::association::score::fit::{Start, fit};
-use crate::association::search::merge::{FEWER_VIEWS, NEAR, SAME_PLACE, SAME_SIZE, SHARED_FRAMES, within};
+use crate::association::search::nested::{FEWER_VIEWS, SAME_PLACE, SAME_SIZE, within};
+
+/// Objects are tried as one when their centers are nearer than this many times the sum of their radii.
+pub(super) const NEAR: f64 = 1.2;
+
+/// Maximum fraction of the smaller object's frames in which both have a box.
+const SHARED_FRAMES: f64 = 0.5;
 
 /// A refused pair is tried again when the number of views of either has grown by this factor.
 const TRIED_AGAIN: f64 = 1.3;

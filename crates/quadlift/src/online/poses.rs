@@ -7,6 +7,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 use super::exchange::REACH;
 use super::keyframes::Keyframe;
 use super::map::ObjectMap;
+use super::merging::NEAR;
 use super::summary::Motions;
 use super::tracked::Tracked;
 use super::update::{DetectionRef, Event, FrameUpdate, ObjectId};
@@ -15,7 +16,6 @@ use crate::association::input::observations::Camera;
 use crate::association::input::point_tree::PointTree;
 use crate::association::score::fit::Start;
 use crate::association::score::log_likelihood_ratio::LogLikelihoodRatios;
-use crate::association::search::merge::NEAR;
 use crate::association::search::passes::fit_rays;
 use crate::geometry::Projection;
 

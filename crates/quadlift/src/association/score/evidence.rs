@@ -1,5 +1,4 @@
-//! Log Bayes factor of an object against clutter: decides about births, merges and removals (docs/method.md, section
-//! 15.3).
+//! Log Bayes factor of an object against clutter: decides about births and removals (docs/method.md, section 15.3).
 
 use super::fit::SHAPE_SD;
 use super::log_likelihood_ratio::HIDDEN_SHARE;

@@ -4,7 +4,7 @@
 use std::ops::ControlFlow;
 
 use super::frame_shift::learn_shifts;
-use super::merge::drop_nested;
+use super::nested::drop_nested;
 use super::state::State;
 use crate::association::input::context::AssociationContext;
 use crate::association::options::Part;
@@ -25,7 +25,6 @@ impl State {
         for round in 0..ROUNDS {
             let last_births = ROUNDS - 3;
             if round < BIRTH_ROUNDS || round == last_births {
-                let count = self.objects.len();
                 if round == 1 {
                     // The first round has learned the shifts of the frames: everything is worth another try.
                     tried.clear();
@@ -35,9 +34,6 @@ impl State {
                 if round == 0 {
                     self.learn(context);
                 }
-                if self.objects.len() > count {
-                    self.merge(context);
-                }
             }
             if self.objects.is_empty() {
                 return;
@@ -46,7 +42,6 @@ impl State {
             self.learn(context);
             learn_shifts(&mut self.observations, &mut self.statistics, &self.objects);
             self.give_up_weak(context);
-            self.merge(context);
             if round >= last_births && context.options.uses(Part::Nested) {
                 let objects = std::mem::take(&mut self.objects);
                 self.objects = drop_nested(context, &self.observations, &self.statistics, objects);

@@ -5,7 +5,7 @@ pub(crate) mod candidates;
 pub(crate) mod assignment;
 pub(crate) mod frame_shift;
 pub(crate) mod growth;
-pub(crate) mod merge;
+pub(crate) mod nested;
 pub(crate) mod state;
 pub(crate) mod em;
 pub(crate) mod passes;

@@ -150,7 +150,6 @@ impl State {
             return;
         }
         self.learn(context);
-        self.merge(context);
         self.settle(context, FIRST_ROUNDS);
     }
 }

@@ -2,10 +2,8 @@
 
 use super::assignment::{Assignment, assign, count_visible, owners};
 use super::births::births;
-use super::merge::merge;
 use crate::association::input::context::AssociationContext;
 use crate::association::input::observations::Observations;
-use crate::association::options::Part;
 use crate::association::score::evidence::evidence;
 use crate::association::score::fit::{Start, fit};
 use crate::association::score::object::Object;
@@ -44,15 +42,6 @@ impl State {
         self.statistics.learn(context, &self.observations, &self.objects);
     }
 
-    /// Merges duplicate objects.
-    pub(crate) fn merge(&mut self, context: &AssociationContext) {
-        if !context.options.uses(Part::Merge) {
-            return;
-        }
-        let objects = std::mem::take(&mut self.objects);
-        self.objects = merge(context, &self.observations, &self.statistics, objects);
-    }
-
     /// A few rounds without births and shifts, as a start.
     pub(crate) fn settle(&mut self, context: &AssociationContext, rounds: usize) {
         for _ in 0..rounds {
@@ -62,7 +51,6 @@ impl State {
             }
             self.learn(context);
             self.give_up_weak(context);
-            self.merge(context);
         }
     }
 
