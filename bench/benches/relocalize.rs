@@ -34,7 +34,7 @@ fn main() {
         };
         let landmarks = made.truth.iter().enumerate().map(|(object, (_, body))| Landmark {
             ellipsoid: body.ellipsoid(),
-            center_covariance: None,
+            covariance: None,
             category: category_of(object),
         });
         let map = LandmarkMap::new(landmarks.collect());

@@ -497,7 +497,7 @@ class Estimates(EstimateArrays):
         path : path-like
             The picture; its name ends in ``.png`` or ``.svg``.
         labels : bool
-            Whether the ids of the objects are written beside their boxes.
+            Whether the labels of the objects (*cup 3*) are written beside their boxes.
         source : str, optional
             Draw only the detections of this source.
         truth : Scene, optional

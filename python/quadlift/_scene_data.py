@@ -260,7 +260,7 @@ class SceneData:
         path : path-like
             The picture; its name ends in ``.png`` or ``.svg``.
         labels : bool
-            Whether the ids of the objects are written beside their boxes.
+            Whether the labels of the objects (*cup 3*) are written beside their boxes.
         source : str, optional
             Draw only the detections of this source.
         """

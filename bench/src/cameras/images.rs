@@ -121,7 +121,7 @@ pub(crate) fn divide(scene: &Scene, split: Split, options: &LocalizeOptions) -> 
     }
     Ok(MapAndImages {
         map: LandmarkMap::new(landmarks),
-        options: LocateOptions::with_noise_of(&found),
+        options: LocateOptions::with_noise(&found.noise),
         up: scene.up,
         images,
     })

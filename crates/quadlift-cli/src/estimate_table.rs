@@ -12,10 +12,10 @@ use quadlift_io::run::{CueScaleRecord, FileOptions, LearnedSizeRecord, PosePoint
 use quadlift_io::scene_file::{CrossValidationRecord, cross_validation_of_object};
 use serde::Serialize;
 
-use crate::labels::Labels;
 use crate::output::{BAD, DIM, GOOD, WARNING, one_line};
 use crate::table::{Cell, MAX_ROWS, Table, decimals, number, rest};
 use crate::words::{count, some_of, with_unit};
+use quadlift_report::Labels;
 
 /// The main figures of an estimate.
 #[derive(Debug, Serialize)]

@@ -191,7 +191,8 @@ fn wrapped(command: Command) -> Command {
         let help = arg.get_help().map(ToString::to_string);
         let long = arg.get_long_help().map(ToString::to_string).or(help.clone().filter(|_| has_long));
         let arg = help.into_iter().fold(arg, |arg, text| arg.help(help_text(&text, width, &suffix)));
-        long.into_iter().fold(arg, |arg, text| arg.long_help(help_text(&text, WIDTH - 10, &suffix)))
+        // Below a long help the suffix has a line of its own.
+        long.into_iter().fold(arg, |arg, text| arg.long_help(paragraphs(&text, WIDTH - 10)))
     })
 }
 

@@ -6,7 +6,6 @@ mod contact_sheet;
 mod error;
 mod files;
 mod help;
-mod labels;
 mod options;
 mod output;
 mod corrections;

@@ -180,7 +180,7 @@ impl PyLocalized {
         let (ids, landmarks): (Vec<&str>, Vec<Landmark>) =
             self.localization().estimates.iter().filter_map(landmark).unzip();
         let rows: Vec<usize> = (0..ids.len()).collect();
-        let (boxes, options) = (query.query()?, query.options(LocateOptions::with_noise_of(self.localization()))?);
+        let (boxes, options) = (query.query()?, query.options(LocateOptions::with_noise(&self.localization().noise))?);
         let located = py.detach(|| LandmarkMap::new(landmarks).relocalize(&boxes, &options));
         Ok((location(py, &located, boxes.boxes.len(), &rows)?, ids))
     }

@@ -72,7 +72,8 @@ impl LocateQuery<'_> {
             (Some(_), None) => return Err(needs_up("height")),
             (Some([height, sd]), Some(up_in_world)) => Some(CameraHeight { up_in_world, height, sd }),
         };
-        Ok(LocateOptions { edge_noise: self.edge_noise.unwrap_or(of_map.edge_noise), gravity, height })
+        let given = self.edge_noise.map(|edge_noise| LocateOptions { edge_noise, ..Default::default() });
+        Ok(LocateOptions { gravity, height, ..given.unwrap_or(of_map) })
     }
 }
 

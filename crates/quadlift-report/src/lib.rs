@@ -9,6 +9,7 @@ mod data;
 mod colors;
 mod cues;
 mod frame_image;
+mod labels;
 mod masks;
 mod outline;
 mod page;
@@ -29,6 +30,7 @@ pub use data::{
 };
 pub use document::{report, report_of_frames};
 pub use frame_image::{FrameImage, frame_image, frame_jpeg};
+pub use labels::{Labels, label};
 pub use live::{LiveEvent, LiveMap, LiveRecord};
 pub use page::page;
 pub use picture::{Label, Picture, write_labels};

@@ -10,10 +10,10 @@ use serde_json::json;
 
 use crate::error::Outcome;
 use crate::evaluation::{Match, render, render_found, render_identities, why_no_identities};
-use crate::labels::Labels;
 use crate::next::Next;
 use crate::output::Output;
 use crate::report::{Gathered, check_report};
+use quadlift_report::Labels;
 
 /// Score a result against ground truth
 ///

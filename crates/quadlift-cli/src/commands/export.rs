@@ -14,10 +14,10 @@ use serde_json::json;
 
 use crate::error::{Outcome, usage};
 use crate::files::{check_file, refuse_to_overwrite};
-use crate::labels::Labels;
 use crate::output::{Output, one_line};
 use crate::reading::{Given, arguments};
 use crate::words::{count, some_of};
+use quadlift_report::Labels;
 
 const ABOUT: &str = "Export objects and cameras to other formats";
 

@@ -13,12 +13,12 @@ use serde::Serialize;
 
 use crate::corrections::{Corrections, corrected_in_words, read_input};
 use crate::error::Outcome;
-use crate::labels::Labels;
 use crate::next::Next;
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::pose_check::pose_oddities;
 use crate::table::Table;
 use crate::words::{count, some_of};
+use quadlift_report::Labels;
 
 /// Boxes that reach farther out of the image than this are counted (pixels).
 const OUTSIDE_TOLERANCE: f64 = 1.0;

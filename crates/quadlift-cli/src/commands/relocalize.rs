@@ -250,9 +250,11 @@ fn options(args: &Args, map_file: &SceneFile) -> anyhow::Result<LocateOptions> {
         (Some(_), None) => bail!(needs_up("--camera-height")),
         (Some([height, sd]), Some(up_in_world)) => Some(CameraHeight { up_in_world, height, sd }),
     };
-    let default = LocateOptions::default();
-    let edge_noise = args.edge_noise.or(map_file.edge_noise()).unwrap_or(default.edge_noise);
-    Ok(LocateOptions { edge_noise, gravity, height })
+    let noise = match args.edge_noise {
+        Some(edge_noise) => LocateOptions { edge_noise, ..Default::default() },
+        None => map_file.noise_levels().map_or_else(|_| Default::default(), |noise| LocateOptions::with_noise(&noise)),
+    };
+    Ok(LocateOptions { gravity, height, ..noise })
 }
 
 fn no_objects(map: &ObjectLandmarks) -> String {
@@ -332,6 +334,7 @@ fn document(
         "output": args.output.display().to_string(),
         "objects": map.landmarks.len(),
         "edge_noise": options.edge_noise,
+        "edge_noise_px": options.edge_noise_px,
         "frames": ids.iter().zip(found).map(frame).collect::<Vec<_>>(),
     })
 }

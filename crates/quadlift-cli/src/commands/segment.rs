@@ -20,7 +20,6 @@ use crate::corrections::{Corrections, corrected_in_words, read_input};
 use crate::diagnosis::tell;
 use crate::error::{Outcome, usage};
 use crate::files::{Inputs, check_result_name, make_folder, outputs};
-use crate::labels::Labels;
 use crate::next::Next;
 use crate::options::{Chosen, Segment};
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
@@ -29,6 +28,7 @@ use crate::segmentation::segment_scene;
 use crate::table::{Cell, MAX_ROWS, Table, number, rest};
 use crate::threads;
 use crate::words::{count, duration};
+use quadlift_report::Labels;
 
 /// Segment the detected objects in their images
 ///

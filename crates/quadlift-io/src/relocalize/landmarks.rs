@@ -1,6 +1,5 @@
 //! The objects of a scene file as landmarks.
 
-use quadlift::nalgebra::Matrix3;
 use quadlift::relocalize::Landmark;
 use quadlift::solve::Status;
 
@@ -37,25 +36,13 @@ impl SceneFile {
         }
         Ok(found)
     }
-
-    /// Standard deviation of the edges of boxes relative to their mean half size, if the result of a localization reports it:
-    /// of all their errors, those that the views of an object have in common included.
-    pub fn edge_noise(&self) -> Option<f64> {
-        let levels = self.noise_levels().ok()?;
-        let level = |wanted: &str| levels.levels().find(|(name, _)| *name == wanted).map(|(_, x)| x);
-        Some(level("edge_noise")? * 1f64.hypot(level("edge_common").unwrap_or(0.0)))
-    }
 }
 
 fn landmark(object: &ObjectBodies) -> Option<Landmark> {
     if object.status.is_some_and(|status| status != Status::Ok) {
         return None;
     }
-    let covariance =
-        |matrix: &quadlift::solve::Matrix9| -> Matrix3<f64> { matrix.fixed_view::<3, 3>(0, 0).into_owned() };
-    Some(Landmark {
-        ellipsoid: object.ellipsoid().or_else(|| Some(object.body()?.ellipsoid()))?,
-        center_covariance: object.covariance.as_ref().map(|of_body| covariance(&of_body.matrix)),
-        category: object.category.clone(),
-    })
+    let ellipsoid = object.ellipsoid().or_else(|| Some(object.body()?.ellipsoid()))?;
+    let covariance = object.covariance.as_ref().map(|of_body| of_body.in_center_vech_shape(&ellipsoid));
+    Some(Landmark { ellipsoid, covariance, category: object.category.clone() })
 }

@@ -1,6 +1,7 @@
 //! Maps and queries of scene files.
 
 use quadlift::nalgebra::Vector3;
+use quadlift::relocalize::LocateOptions;
 
 use crate::scene_file::{DetectionRecord, FrameRecord, SceneFile, parse_scene_file};
 
@@ -87,12 +88,14 @@ fn objects_that_were_localized_become_landmarks() {
         {"id": "b", "status": "degenerate", "center": [0, 0, 0]},
         {"id": "c", "cuboid": {"center": [1, 2, 3], "half_extents": [1, 1, 1], "rotation": [1, 0, 0, 0]}},
         {"id": "d", "ellipsoid": {"center": [1, 2, 3], "semi_axes": [1, 1, 2], "rotation": [1, 0, 0, 0]}, "memory": {"presence": "gone"}}
-    ], "localization": {"noise": {"edge_noise": 0.03, "edge_common": 0.75}}}"#;
+    ], "localization": {"noise": {"edge_noise": 0.03, "edge_noise_px": 2, "edge_common": 0.75}}}"#;
     let file = parse_scene_file("map.json".as_ref(), text.as_bytes()).unwrap();
     let map = file.to_landmarks().unwrap();
     assert_eq!((map.ids, map.left_out), (vec!["a".to_owned(), "c".to_owned()], 2));
     assert_eq!(map.landmarks[0].ellipsoid.semi_axes, Vector3::new(1.0, 1.0, 2.0));
     // The ellipsoid of the same reach as a cube.
     assert!((map.landmarks[1].ellipsoid.semi_axes - Vector3::repeat(1.51)).norm() < 0.02);
-    assert!((file.edge_noise().unwrap() - 0.0375).abs() < 1e-12);
+    let options = LocateOptions::with_noise(&file.noise_levels().unwrap());
+    assert!(options.edge_noise == 0.03 && options.edge_noise_px == 2.0);
+    assert!((options.common_share - 0.36).abs() < 1e-12);
 }

@@ -142,7 +142,9 @@ impl SceneFile {
                 .collect();
                 let given = if given.is_empty() { "none of them".to_owned() } else { given.join(" and ") };
                 let hint = match (camera, pose, projection) {
-                    (Some(_), None, None) => "; `quadlift relocalize` finds the poses of images in a map of objects",
+                    (Some(_), None, None) => {
+                        "; `quadlift relocalize` finds the poses of images in a map of objects, `quadlift calibrate-rig` those of fixed cameras"
+                    }
                     _ => "",
                 };
                 let problem =

@@ -101,7 +101,7 @@ impl World {
     fn new(scene: &CheckedScene, options: &GeoJsonOptions) -> Result<Self, EntryError> {
         let reference = || scene.file.extra.get(REFERENCE).map(place).transpose();
         let Some(origin) = options.origin.map(Ok).or(reference().transpose()).transpose()? else {
-            let problem = "the scene has no place on Earth: set that of the world's origin with --origin LAT,LON,ALT";
+            let problem = "missing; --origin LAT,LON,ALT sets the place of the world's origin on Earth";
             return Err(EntryError::new(REFERENCE, problem));
         };
         let Some(meters) = scene.known_meters() else {
@@ -320,7 +320,7 @@ mod tests {
             error(&|file| drop(file.extra.insert(REFERENCE.into(), lla(91.0))), &GeoJsonOptions::default()),
         ];
         insta::assert_snapshot!(messages.join("\n"), @r#"
-    reference_lla: the scene has no place on Earth: set that of the world's origin with --origin LAT,LON,ALT
+    reference_lla: missing; --origin LAT,LON,ALT sets the place of the world's origin on Earth
     length_unit: found none, expected a unit such as "m": places on Earth need meters
     length_unit: found "parsec", expected a unit such as "m": places on Earth need meters
     up: there is none: places on Earth need the direction against gravity

@@ -10,6 +10,7 @@ use quadlift::geometry::{Body, Ellipse, Projection};
 pub(crate) use crate::colors::Color;
 use crate::colors::UNKNOWN;
 use crate::data::{Report, ReportBody, ReportFrame};
+use crate::labels::Labels;
 use crate::outline::{ellipse_points, outline};
 
 const REJECTED: Color = [0xe0, 0x10, 0x10];
@@ -88,7 +89,7 @@ pub struct Picture<'a> {
     pub frame_index: usize,
     /// The image of the frame in full size; without it the sheet is blank.
     pub image: Option<&'a RgbImage>,
-    /// Whether the ids of the objects are written beside their boxes.
+    /// Whether the labels of the objects ([`Labels`]) are written beside their boxes.
     pub labels: bool,
 }
 
@@ -188,6 +189,9 @@ impl Picture<'_> {
         if self.labels {
             let mut taken: Vec<[f64; 4]> = Vec::new();
             let mut named = Vec::new();
+            let category = |index: i64| Some(self.report.categories.get(usize::try_from(index).ok()?)?.as_str());
+            let objects = self.report.objects.iter();
+            let labels = Labels::new(objects.map(|object| (object.id.as_str(), category(object.category))));
             for (row, line) in &lines {
                 let Ok(index) = usize::try_from(detections.object[*row]) else { continue };
                 // A detection with a box and an ellipse is named once.
@@ -195,7 +199,7 @@ impl Picture<'_> {
                     continue;
                 }
                 named.push(*row);
-                let text = &self.report.objects[index].id;
+                let text = labels.of(&self.report.objects[index].id);
                 let height = LABEL * pen;
                 let place = self.label_place(line, text, height, &mut taken);
                 // White on a dark sheet with the object's color at its left: it can be read on any image.

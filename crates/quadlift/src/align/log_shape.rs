@@ -3,8 +3,8 @@
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 use crate::geometry::linalg::symmetric_eigen3;
-use crate::geometry::{Ellipsoid, skew};
-use crate::solve::{Covariance, CovarianceCoordinates};
+use crate::geometry::{Ellipsoid, VECH3};
+use crate::solve::Covariance;
 
 /// Entries of a symmetric matrix in the order of [`coordinates`], and their factors: with them the squared norm is that of the matrix.
 const ENTRIES: [(usize, usize, f64); 6] = [
@@ -15,9 +15,6 @@ const ENTRIES: [(usize, usize, f64); 6] = [
     (2, 0, std::f64::consts::SQRT_2),
     (2, 1, std::f64::consts::SQRT_2),
 ];
-
-/// The order of the entries of `vech` in a covariance.
-const VECH: [(usize, usize); 6] = [(0, 0), (1, 0), (2, 0), (1, 1), (2, 1), (2, 2)];
 
 /// Eigenvalues whose relative difference is less count as equal.
 const EQUAL: f64 = 1e-6;
@@ -54,32 +51,15 @@ pub(super) fn log_shape(body: &Ellipsoid) -> Matrix3<f64> {
 
 /// The covariance of the coordinates of `log A` from that of a body; `None` where A has no eigenvalues.
 pub(super) fn covariance_of_log_shape(body: &Ellipsoid, covariance: &Covariance) -> Option<Matrix6<f64>> {
-    let of_shape = covariance.matrix.fixed_view::<6, 6>(3, 3).into_owned();
-    let columns: [Vector6<f64>; 6] = match covariance.coordinates {
-        CovarianceCoordinates::CenterVechShape => {
-            let (values, vectors) = symmetric_eigen3(&body.shape())?;
-            std::array::from_fn(|k| {
-                let (i, j) = VECH[k];
-                let mut by = Matrix3::zeros();
-                by[(i, j)] = 1.0;
-                by[(j, i)] = 1.0;
-                coordinates(&slope_of_log(&values, &vectors, &by))
-            })
-        }
-        CovarianceCoordinates::CenterRotationLogAxes => {
-            let r = body.rotation.matrix();
-            let logs = Matrix3::from_diagonal(&body.semi_axes.map(|x| 2.0 * x.ln()));
-            std::array::from_fn(|k| {
-                let mut axis = Vector3::zeros();
-                axis[k % 3] = 1.0;
-                let in_body = match k {
-                    0..3 => skew(&axis) * logs - logs * skew(&axis),
-                    _ => Matrix3::from_diagonal(&(axis * 2.0)),
-                };
-                coordinates(&(r * in_body * r.transpose()))
-            })
-        }
-    };
+    let of_shape = covariance.in_center_vech_shape(body).fixed_view::<6, 6>(3, 3).into_owned();
+    let (values, vectors) = symmetric_eigen3(&body.shape())?;
+    let columns: [Vector6<f64>; 6] = std::array::from_fn(|k| {
+        let (i, j) = VECH3[k];
+        let mut by = Matrix3::zeros();
+        by[(i, j)] = 1.0;
+        by[(j, i)] = 1.0;
+        coordinates(&slope_of_log(&values, &vectors, &by))
+    });
     let slopes = Matrix6::from_columns(&columns);
     let result = slopes * of_shape * slopes.transpose();
     result.iter().all(|x| x.is_finite()).then_some(result)
@@ -99,7 +79,7 @@ fn slope_of_log(values: &Vector3<f64>, vectors: &Matrix3<f64>, by: &Matrix3<f64>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solve::Matrix9;
+    use crate::solve::{CovarianceCoordinates, Matrix9};
     use nalgebra::{Point3, Rotation3};
 
     fn body(semi_axes: [f64; 3]) -> Ellipsoid {
@@ -127,7 +107,7 @@ mod tests {
             for k in 0..6 {
                 let step = |size: f64| {
                     let mut shape = body.shape();
-                    let (i, j) = VECH[k];
+                    let (i, j) = VECH3[k];
                     shape[(i, j)] += size;
                     shape[(j, i)] = shape[(i, j)];
                     coordinates(&log_shape(&Ellipsoid::from_shape(body.center, &shape).unwrap()))

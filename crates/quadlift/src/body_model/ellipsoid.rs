@@ -1,10 +1,11 @@
 //! The parametrization of an ellipsoid (docs/method.md, section 3).
 
-use nalgebra::{Matrix3, SVector, Vector3};
+use nalgebra::{Matrix3, Matrix6, SVector, Vector3};
 
 use super::{BodyModel, MAX_ASPECT, MeasuredShape, ShapeDifference, by_length, size_differences};
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::rotation::horizontal_basis;
+use crate::geometry::{VECH3, vech3};
 use crate::optimize::normal_equations::{NormalEquations, Row};
 
 /// An ellipsoid: `A <- B exp(D) B^T` with `A = B B^T`, D symmetric (section 3): no singularity at spheres, no order of axes.
@@ -25,6 +26,17 @@ const ROUND: f64 = 0.1;
 /// Entry of the parameter vector for each entry (i, j), i >= j, of the symmetric step D.
 const STEP_INDEX: [[usize; 3]; 3] = [[3, 4, 5], [4, 6, 7], [5, 7, 8]];
 
+/// Derivative of `vech(A)` (6) by the six entries of D, at D = 0, for `A = B exp(D) B^T` with this root B.
+pub(crate) fn shape_jacobian(root: &Matrix3<f64>) -> Matrix6<f64> {
+    let mut jacobian = Matrix6::zeros();
+    for (k, &(i, j)) in VECH3.iter().enumerate() {
+        let (b, c) = (root.column(i), root.column(j));
+        let change = if i == j { b * b.transpose() } else { b * c.transpose() + c * b.transpose() };
+        jacobian.set_column(k, &vech3(&change));
+    }
+    jacobian
+}
+
 impl EllipsoidModel {
     /// From center and shape matrix; `None` when the shape is not positive definite.
     pub(crate) fn new(center: Vector3<f64>, shape: &Matrix3<f64>) -> Option<Self> {
@@ -44,18 +56,6 @@ impl EllipsoidModel {
     /// `B` with `A = B B^T`.
     pub(crate) fn root(&self) -> Matrix3<f64> {
         self.root_transposed.transpose()
-    }
-
-    /// Derivative of `vech(A)` (6) by the six entries of D, at D = 0.
-    pub(crate) fn shape_jacobian(&self) -> nalgebra::SMatrix<f64, 6, 6> {
-        let root = self.root();
-        let mut jacobian = nalgebra::SMatrix::<f64, 6, 6>::zeros();
-        for (k, &(i, j)) in crate::geometry::VECH3.iter().enumerate() {
-            let (b, c) = (root.column(i), root.column(j));
-            let change = if i == j { b * b.transpose() } else { b * c.transpose() + c * b.transpose() };
-            jacobian.set_column(k, &crate::geometry::vech3(&change));
-        }
-        jacobian
     }
 
     /// The entry of 1/2 log A between two directions, given along the body's axes, and its derivatives times a weight.

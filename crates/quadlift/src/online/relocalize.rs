@@ -3,8 +3,10 @@
 use super::map::ObjectMap;
 use super::tracked::Presence;
 use super::update::ObjectId;
+use crate::body_model::ellipsoid::shape_jacobian;
 use crate::geometry::Ellipsoid;
 use crate::relocalize::{Landmark, LandmarkMap, LocateOptions, LocateStatus, Query, Relocalization};
+use crate::solve::Matrix9;
 
 /// Where the camera of an image is in a map.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,10 +29,13 @@ impl ObjectMap {
                 let shape = object.root * object.root.transpose();
                 let most =
                     tracked.categories.iter().max_by_key(|(category, count)| (*count, std::cmp::Reverse(*category)));
-                let covariance = object.covariance.fixed_view::<3, 3>(0, 0) * object.radius.powi(2);
+                // From the center in units of the radius and the entries of D (see `Object::covariance`).
+                let mut slopes = Matrix9::identity() * object.radius;
+                slopes.fixed_view_mut::<6, 6>(3, 3).copy_from(&shape_jacobian(&object.root));
+                let covariance = slopes * object.covariance * slopes.transpose();
                 let landmark = Landmark {
                     ellipsoid: Ellipsoid::from_shape(center, &shape).ok()?,
-                    center_covariance: Some(covariance).filter(|c| c.iter().all(|x| x.is_finite())),
+                    covariance: Some(covariance).filter(|c| c.iter().all(|x| x.is_finite())),
                     category: most.and_then(|&(category, _)| self.categories.names()[usize::from(category)].clone()),
                 };
                 Some((tracked.id, landmark))

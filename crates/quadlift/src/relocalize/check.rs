@@ -21,6 +21,13 @@ const STEPS: i32 = 4;
 /// Usual factors between the sizes of images.
 const SIZES: [f64; 6] = [0.5, 2.0 / 3.0, 0.75, 4.0 / 3.0, 1.5, 2.0];
 
+/// Mistakes that poses hide where images have few boxes: they are tried then in any case, with few images.
+const FREQUENT: [Correction; 3] =
+    [Correction::ImageScale(0.5), Correction::ImageScale(2.0), Correction::Boxes(BoxFormat::SwappedAxes)];
+
+/// Explained boxes of an image, below which its pose may hide a mistake.
+const HIDING_BOXES: usize = 10;
+
 /// Usual sides of letterboxed images, pixels.
 const LETTERBOXES: [f64; 4] = [416.0, 512.0, 640.0, 1280.0];
 
@@ -33,9 +40,12 @@ const USUAL_SHARE: f64 = 0.75;
 /// Share of the boxes that are explained where nothing is wrong; below it all mistakes are tried. A correction must explain as many.
 const USUAL_MATCHES: f64 = 0.6;
 
-/// Logarithm of the evidence by which a correction must be better, and the share of the evidence.
+/// Logarithm of the evidence of independent images by which a correction must be better, and the share of the evidence.
 const CLEARLY: f64 = 10.0;
 const CLEAR_SHARE: f64 = 0.1;
+
+/// Share of that by which a step towards a correction is better where all are tried.
+const SUSPICIOUS: f64 = 0.25;
 
 /// An image as it was located.
 #[derive(Debug, Clone)]
@@ -85,6 +95,19 @@ fn evenly<'a>(images: &[LocatedImage<'a>], most: usize) -> Vec<LocatedImage<'a>>
     images.iter().step_by(images.len().div_ceil(most).max(1)).cloned().collect()
 }
 
+/// The number of images that tell as much as one that is independent of the others (Kish's design effect): errors that the images of an
+/// object have in common are seen in each of them.
+fn design_effect(images: &[LocatedImage]) -> f64 {
+    let poses = images.iter().filter_map(|image| image.located.poses.first());
+    let mut landmarks: Vec<usize> = poses.flat_map(|pose| pose.matches.iter().map(|(_, landmark)| *landmark)).collect();
+    let matches = landmarks.len() as f64;
+    landmarks.sort_unstable();
+    landmarks.dedup();
+    let views = matches / (landmarks.len() as f64).max(1.0);
+    let share = images.iter().map(|image| image.options.common_share).fold(0.0, f64::max);
+    1.0 + (views - 1.0).max(0.0) * share
+}
+
 impl LandmarkMap {
     /// A mistake that all images have in common, if correcting it explains them clearly better; with images from one camera, or from
     /// cameras that are wrong in the same way. It takes about four times as long as to locate ten images, and longer where they cannot be
@@ -97,11 +120,17 @@ impl LandmarkMap {
         let is_known = |b: &&QueryBox| self.landmarks.iter().any(|landmark| landmark.may_be(b.category.as_deref()));
         let boxes: usize = sample.iter().map(|image| image.query.boxes.iter().filter(is_known).count()).sum();
         let explains = |found: &Explained| found.matches as f64 >= USUAL_MATCHES * boxes as f64;
-        let is_clear = |found: &Explained| found.evidence > given.evidence + CLEARLY.max(CLEAR_SHARE * given.evidence);
+        let least = (CLEARLY * design_effect(&sample)).max(CLEAR_SHARE * given.evidence);
+        let gains = |found: &Explained, share: f64| found.evidence > given.evidence + share * least;
         let both = |factor: f64| [Correction::ImageScale(factor), Correction::FocalFactor(factor)];
         let near: Vec<Correction> = [1.0 / NEAR, NEAR].into_iter().flat_map(both).collect();
         let mut best = self.best_of(&near, &sample)?;
-        if !is_clear(&best.1) && is_usual(&given) && explains(&given) {
+        let of_frequent = || {
+            let hidden = given_few.matches < HIDING_BOXES * given_few.located;
+            hidden.then(|| self.best_of(&FREQUENT, &few)).flatten().map_or(0.0, |(_, found)| found.evidence)
+        };
+        let seems_better = gains(&best.1, SUSPICIOUS) || of_frequent() > given_few.evidence + SUSPICIOUS * least;
+        if !seems_better && is_usual(&given) && explains(&given) {
             return None;
         }
         let factors = (1..=STEPS).flat_map(|k| [STEP.powi(-k), STEP.powi(k)]);
@@ -129,7 +158,7 @@ impl LandmarkMap {
             best = self.best_of(&finer, &sample).filter(|other| other.1.evidence > best.1.evidence).unwrap_or(best);
         }
         let (correction, Explained { evidence, .. }) = best;
-        (is_clear(&best.1) && is_usual(&best.1) && explains(&best.1)).then_some(CommonMistake {
+        (gains(&best.1, 1.0) && is_usual(&best.1) && explains(&best.1)).then_some(CommonMistake {
             correction,
             evidence: given.evidence,
             corrected_evidence: evidence,
@@ -164,5 +193,37 @@ impl LandmarkMap {
             located: all.iter().flatten().count(),
             matches: all.iter().flatten().map(|(_, matches)| matches).sum(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{CamFromWorld, Intrinsics};
+    use crate::relocalize::LocatedPose;
+    use nalgebra::{Matrix3x4, Matrix6};
+
+    #[test]
+    fn images_of_the_same_objects_count_by_what_they_have_of_their_own() {
+        let query =
+            Query { intrinsics: Intrinsics::new(1.0, 1.0, 0.0, 0.0).unwrap(), image_size: None, boxes: Vec::new() };
+        let pose = |landmarks: [usize; 3]| LocatedPose {
+            cam_from_world: CamFromWorld::new(Matrix3x4::identity()).unwrap(),
+            covariance: Matrix6::identity(),
+            matches: landmarks.into_iter().enumerate().collect(),
+            evidence: 0.0,
+        };
+        let effect = |all: &[[usize; 3]], common_share: f64| {
+            let located =
+                |landmarks: &[usize; 3]| Relocalization { status: LocateStatus::Ok, poses: vec![pose(*landmarks)] };
+            let located: Vec<Relocalization> = all.iter().map(located).collect();
+            let options = LocateOptions { common_share, ..Default::default() };
+            let image = |located| LocatedImage { query: &query, options: options.clone(), located };
+            design_effect(&located.iter().map(image).collect::<Vec<_>>())
+        };
+        assert_eq!(effect(&[[0, 1, 2]; 5], 0.0), 1.0);
+        assert_eq!(effect(&[[0, 1, 2]; 5], 0.5), 3.0);
+        assert_eq!(effect(&[[0, 1, 2], [3, 4, 5]], 0.5), 1.0);
+        assert_eq!(effect(&[], 0.5), 1.0);
     }
 }

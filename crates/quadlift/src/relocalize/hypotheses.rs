@@ -190,7 +190,7 @@ fn quick_score(query: &PreparedQuery, pose: &Pose) -> f64 {
         let gains = alike.iter().filter_map(|&landmark| {
             let prediction = predicted[landmark].as_ref()?;
             let is_near = prediction.is_within(&query.boxes[index], QUICK_REACH);
-            is_near.then(|| gain(query, pose, prediction, &Match::new(query, index, landmark), WIDEN))
+            is_near.then(|| gain(query, prediction, &Match::new(query, index, landmark), WIDEN))
         });
         gains.fold(0.0, f64::max)
     };

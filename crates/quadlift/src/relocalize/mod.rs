@@ -17,7 +17,7 @@
 //!         semi_axes: Vector3::new(size, 0.8 * size, 0.6 * size),
 //!         rotation: Rotation3::identity(),
 //!     },
-//!     center_covariance: None,
+//!     covariance: None,
 //!     category: Some(format!("thing {size}")),
 //! };
 //! let landmarks = vec![
@@ -57,8 +57,7 @@ use self::hypotheses::{Budget, Groups, MATCHED};
 use self::prepared::PreparedQuery;
 use crate::geometry::rigid::Pose;
 use crate::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics};
-use crate::localize::Localization;
-use crate::solve::{Estimate, Status};
+use crate::solve::{Estimate, Matrix9, NoiseModel, Status};
 use crate::tuning::CLEAR;
 
 /// An object of the map whose place is known.
@@ -66,8 +65,9 @@ use crate::tuning::CLEAR;
 pub struct Landmark {
     /// Its body, world frame.
     pub ellipsoid: Ellipsoid,
-    /// Covariance of its center, world units squared; without one it counts as exact.
-    pub center_covariance: Option<Matrix3<f64>>,
+    /// Covariance of its center and of `vech` of its shape matrix A (see [`crate::solve::CovarianceCoordinates::CenterVechShape`]),
+    /// world frame and units; without one it counts as exact.
+    pub covariance: Option<Matrix9>,
     /// Boxes of other categories are not this object. Without one any box may be.
     pub category: Option<String>,
 }
@@ -121,6 +121,11 @@ pub struct CameraHeight {
 pub struct LocateOptions {
     /// Standard deviation of the edges of boxes, relative to their mean half size.
     pub edge_noise: f64,
+    /// Part of it that does not depend on the size of the box, pixels.
+    pub edge_noise_px: f64,
+    /// Share of the variance of edges that all images of an object have in common, because its body in the map is not quite its own;
+    /// in [0, 1). Evidence of several images counts less by it ([`LandmarkMap::common_mistake`]).
+    pub common_share: f64,
     /// Direction against gravity: two objects are then enough.
     pub gravity: Option<Gravity>,
     /// Height of the camera.
@@ -128,14 +133,17 @@ pub struct LocateOptions {
 }
 
 impl Default for LocateOptions {
-    /// Edges with 5 % (docs/method/constants.csv), gravity and height unknown.
+    /// Edges with 5 % and one pixel (docs/method/constants.csv), gravity and height unknown.
     fn default() -> Self {
-        Self { edge_noise: EDGE_SD, gravity: None, height: None }
+        Self { edge_noise: EDGE_SD, edge_noise_px: EDGE_PX, common_share: 0.0, gravity: None, height: None }
     }
 }
 
 /// Usual standard deviation of the edges of a detector's boxes, relative to the half size.
 const EDGE_SD: f64 = 0.05;
+
+/// Part of the error of an edge that does not depend on the size of the box, pixels.
+const EDGE_PX: f64 = 1.0;
 
 /// How an image was located.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -222,10 +230,10 @@ impl Landmark {
     /// An object that was localized; `None` where it was not (its status is not [`Status::Ok`]). Of a body that is no ellipsoid, the
     /// ellipsoid of the same reach.
     pub fn from_estimate(estimate: &Estimate, category: Option<String>) -> Option<Self> {
-        let covariance =
-            estimate.covariance.as_ref().map(|of_body| of_body.matrix.fixed_view::<3, 3>(0, 0).into_owned());
         (estimate.status == Status::Ok).then_some(())?;
-        Some(Self { ellipsoid: estimate.ellipsoid()?, center_covariance: covariance, category })
+        let ellipsoid = estimate.ellipsoid()?;
+        let covariance = estimate.covariance.as_ref().map(|of_body| of_body.in_center_vech_shape(&ellipsoid));
+        Some(Self { ellipsoid, covariance, category })
     }
 
     /// Whether a box of this category may show it.
@@ -235,12 +243,13 @@ impl Landmark {
 }
 
 impl LocateOptions {
-    /// The noise of boxes as it was estimated with a map, where it was: all errors of edges, those that the views of an object have in
-    /// common included.
-    pub fn with_noise_of(localization: &Localization) -> Self {
-        let level = |name: &str| localization.noise.get(name);
-        let edge_noise = level("edge_noise").map(|sd| sd * 1f64.hypot(level("edge_common").unwrap_or(0.0)));
-        Self { edge_noise: edge_noise.unwrap_or(EDGE_SD), ..Self::default() }
+    /// The noise of boxes as it was estimated with a map ([`crate::Localization::noise`]), where it was. Errors that the views of an object
+    /// have in common are in the covariances of the landmarks.
+    pub fn with_noise(noise: &NoiseModel) -> Self {
+        let Some(edge_noise) = noise.get("edge_noise") else { return Self::default() };
+        let edge_noise_px = noise.get("edge_noise_px").unwrap_or(EDGE_PX);
+        let common = noise.get("edge_common").unwrap_or(0.0).powi(2);
+        Self { edge_noise, edge_noise_px, common_share: common / (1.0 + common), ..Self::default() }
     }
 }
 

@@ -6,9 +6,6 @@ use super::{CameraHeight, Gravity, LandmarkMap, LocateOptions, Query};
 use crate::geometry::rigid::Pose;
 use crate::scene::{BORDER_TOLERANCE_PX, edges_at_border};
 
-/// Part of the error of an edge that does not depend on the size of the box, pixels.
-const EDGE_PX: f64 = 1.0;
-
 /// By how much a depth may lie outside of the range that the size of the box and of the body allow: errors of both.
 const SLACK: f64 = 1.25;
 
@@ -95,7 +92,7 @@ impl<'a> PreparedQuery<'a> {
             .map(|query_box| {
                 let b = &query_box.bounding_box;
                 let pixels = [b.x0, b.y0, b.x1, b.y1];
-                let sd = options.edge_noise.hypot(EDGE_PX / b.mean_half_size()) * b.mean_half_size();
+                let sd = (options.edge_noise * b.mean_half_size()).hypot(options.edge_noise_px);
                 let in_image = query_box.box_in_image.as_ref().unwrap_or(b);
                 let cut_off = edges_at_border(in_image, query.image_size, BORDER_TOLERANCE_PX);
                 let edges = std::array::from_fn(|e| normalized(pixels[e], e % 2));

@@ -1,10 +1,10 @@
 //! A pose that makes predicted boxes agree with measured ones: Levenberg-Marquardt over six parameters.
 
-use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
 
 use super::prepared::{MeasuredBox, PreparedQuery};
 use crate::geometry::rigid::Pose;
-use crate::geometry::{box_of_outline, skew};
+use crate::geometry::{VECH3, box_of_outline, skew};
 use crate::optimize::student_t::StudentT;
 
 /// Degrees of freedom of an edge's Student t distribution, as of `posterior`.
@@ -29,10 +29,25 @@ pub(super) struct Predicted {
     pub center: Vector3<f64>,
     /// `S - c c^T` of the shape and the center: the dual conic of the outline.
     conic: Matrix3<f64>,
+    /// Variance of each edge from the errors of the landmark.
+    variance: [f64; 4],
 }
 
 impl Predicted {
-    /// `None` where the body is not wholly in front of the camera.
+    /// The box of a landmark. `None` where its body is not wholly in front of the camera.
+    pub(super) fn of_landmark(query: &PreparedQuery, pose: &Pose, landmark: usize) -> Option<Self> {
+        let mut predicted = Self::new(pose, &query.map.center(landmark), query.map.shape(landmark))?;
+        if let Some(covariance) = &query.map.landmarks()[landmark].covariance {
+            let slopes = predicted.body_slopes(pose);
+            predicted.variance = std::array::from_fn(|edge| {
+                let slope = slopes.row(edge);
+                (slope * covariance).dot(&slope).max(0.0)
+            });
+        }
+        Some(predicted)
+    }
+
+    /// The box of a body without errors. `None` where the body is not wholly in front of the camera.
     pub(super) fn new(pose: &Pose, center: &Vector3<f64>, shape: &Matrix3<f64>) -> Option<Self> {
         let center = pose.apply(center);
         if center.z <= 0.0 {
@@ -40,7 +55,7 @@ impl Predicted {
         }
         let conic = pose.rotation * shape * pose.rotation.transpose() - center * center.transpose();
         let edges = box_of_outline(&conic, center.z)?;
-        Some(Self { edges, center, conic })
+        Some(Self { edges, center, conic, variance: [0.0; 4] })
     }
 
     /// Whether no edge is farther from that of a box than so many of the box's half sizes.
@@ -86,14 +101,23 @@ impl Predicted {
             && self.conic.try_inverse().is_some_and(|outline| point.dot(&(outline * point)) * self.conic[(2, 2)] > 0.0)
     }
 
-    /// Variance of an edge from that of the center of the landmark (covariance in the world).
-    fn center_variance(&self, pose: &Pose, covariance: &Matrix3<f64>, axis: usize) -> f64 {
-        let z = self.center.z;
-        let mut direction = Vector3::zeros();
-        direction[axis] = 1.0 / z;
-        direction[2] = -self.center[axis] / (z * z);
-        let in_world = pose.rotation.tr_mul(&direction);
-        in_world.dot(&(covariance * in_world)).max(0.0)
+    /// Derivatives of the edges by the body: center, and `vech` of the shape, in the world.
+    fn body_slopes(&self, pose: &Pose) -> SMatrix<f64, 4, 9> {
+        let mut slopes = SMatrix::zeros();
+        for edge in 0..4 {
+            let mut line = Vector3::zeros();
+            line[edge % 2] = 1.0;
+            line[2] = -self.edges[edge];
+            // l^T conic l = m^T A m - (l . c)^2 with m = R^T l.
+            let m = pose.rotation.tr_mul(&line);
+            let by_edge = 2.0 * (self.conic * line)[2];
+            let along = -2.0 * self.center.dot(&line);
+            (0..3).for_each(|k| slopes[(edge, k)] = along * m[k] / by_edge);
+            for (k, &(i, j)) in VECH3.iter().enumerate() {
+                slopes[(edge, 3 + k)] = if i == j { m[i] * m[i] } else { 2.0 * m[i] * m[j] } / by_edge;
+            }
+        }
+        slopes
     }
 }
 
@@ -121,23 +145,15 @@ impl Match {
 }
 
 /// The four edges of a box against a predicted one. `None` where the edge says nothing: one-sided, and the body reaches beyond it.
-pub(super) fn edge_residuals(
-    query: &PreparedQuery,
-    pose: &Pose,
-    predicted: &Predicted,
-    of: &Match,
-) -> [Option<EdgeResidual>; 4] {
+pub(super) fn edge_residuals(query: &PreparedQuery, predicted: &Predicted, of: &Match) -> [Option<EdgeResidual>; 4] {
     let measured = &query.boxes[of.query_box];
-    let covariance = query.map.landmarks()[of.landmark].center_covariance.as_ref();
-    let of_map = [0, 1].map(|axis| covariance.map_or(0.0, |c| 2.0 * predicted.center_variance(pose, c, axis)));
     std::array::from_fn(|edge| {
         let off = predicted.edges[edge] - measured.edges[edge];
         let outwards = if edge < 2 { -off } else { off };
         if of.one_sided[edge] && outwards >= 0.0 {
             return None;
         }
-        // An error of the center moves opposite edges together: twice its variance for each gives the center its own.
-        let sd = (measured.sd[edge] * measured.sd[edge] + of_map[edge % 2]).sqrt();
+        let sd = (measured.sd[edge] * measured.sd[edge] + predicted.variance[edge]).sqrt();
         Some(EdgeResidual { residual: off / sd, sd })
     })
 }
@@ -152,8 +168,8 @@ fn equations(query: &PreparedQuery, pose: &Pose, matches: &[Match]) -> Option<Eq
     let mut all = Equations { hessian: Matrix6::zeros(), gradient: Vector6::zeros(), cost: 0.0 };
     let student_t = StudentT::new(DOF);
     for of in matches {
-        let predicted = Predicted::new(pose, &query.map.center(of.landmark), query.map.shape(of.landmark))?;
-        let residuals = edge_residuals(query, pose, &predicted, of);
+        let predicted = Predicted::of_landmark(query, pose, of.landmark)?;
+        let residuals = edge_residuals(query, &predicted, of);
         for (edge, of_edge) in residuals.into_iter().enumerate() {
             let Some(EdgeResidual { residual, sd }) = of_edge else { continue };
             let slope = predicted.slope(edge) / sd;
@@ -186,6 +202,38 @@ fn equations(query: &PreparedQuery, pose: &Pose, matches: &[Match]) -> Option<Eq
         hessian += slope * slope.transpose();
     }
     all.cost.is_finite().then_some(all)
+}
+
+/// Covariance of a motion of a pose from its `information` (see [`Refined`]), which takes the errors of edges for independent: those of
+/// a landmark move all edges of its box together. With the weighted slopes G of the edges and the correlations C of their errors it is
+/// `H^-1 (sum G^T C G) H^-1`, H the information.
+pub(super) fn covariance(
+    query: &PreparedQuery,
+    pose: &Pose,
+    matches: &[Match],
+    information: &Matrix6<f64>,
+) -> Option<Matrix6<f64>> {
+    let student_t = StudentT::new(DOF);
+    let mut middle = *information;
+    for of in matches {
+        let Some(covariance) = &query.map.landmarks()[of.landmark].covariance else { continue };
+        let predicted = Predicted::of_landmark(query, pose, of.landmark)?;
+        let of_body = predicted.body_slopes(pose);
+        let of_body = of_body * covariance * of_body.transpose();
+        let edges = edge_residuals(query, &predicted, of);
+        let slopes: [Option<Vector6<f64>>; 4] = std::array::from_fn(|edge| {
+            let EdgeResidual { residual, sd } = edges[edge]?;
+            Some(predicted.slope(edge) * (student_t.weight(residual * residual).sqrt() / (sd * sd)))
+        });
+        for (i, j) in [(1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2)] {
+            let (Some(a), Some(b)) = (&slopes[i], &slopes[j]) else { continue };
+            let both = a * b.transpose() * of_body[(i, j)];
+            middle += both + both.transpose();
+        }
+    }
+    // As a square, which has no negative variances however little is determined.
+    let root = information.cholesky()?.solve(&middle.cholesky()?.l());
+    Some(root * root.transpose())
 }
 
 /// A refined pose.
@@ -270,6 +318,29 @@ mod tests {
         let [x0, y0, x1, y1] = predicted.edges;
         for (x, y) in [(x0, y0), (x1, y0), (x0, y1), (x1, y1)] {
             assert!(!predicted.covers(&Vector3::new(x, y, 1.0)), "a corner of the box");
+        }
+    }
+
+    #[test]
+    fn slopes_by_the_body_are_those_of_differences() {
+        let edges = |k: usize, by: f64| {
+            let (mut center, mut shape) = (body().center.coords, body().shape());
+            if k < 3 {
+                center[k] += by;
+            } else {
+                let (i, j) = VECH3[k - 3];
+                shape[(i, j)] += by;
+                shape[(j, i)] = shape[(i, j)];
+            }
+            Predicted::new(&pose(), &center, &shape).unwrap().edges
+        };
+        let slopes = Predicted::new(&pose(), &body().center.coords, &body().shape()).unwrap().body_slopes(&pose());
+        for k in 0..9 {
+            let (above, below) = (edges(k, 1e-6), edges(k, -1e-6));
+            for edge in 0..4 {
+                let numeric = (above[edge] - below[edge]) / 2e-6;
+                assert!((numeric - slopes[(edge, k)]).abs() < 1e-8, "{edge} {k}: {numeric} {}", slopes[(edge, k)]);
+            }
         }
     }
 

@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use super::LocatedPose;
 use super::prepared::PreparedQuery;
-use super::refine::{Match, Predicted, edge_residuals, refine};
+use super::refine::{Match, Predicted, covariance, edge_residuals, refine};
 use crate::geometry::rigid::Pose;
 use crate::optimize::matching::{Pair, best_pairs};
 use crate::optimize::student_t::StudentT;
@@ -19,41 +19,39 @@ const EXPECTED_SIZE: f64 = 0.8;
 const LOG_PEAK: f64 = -0.946_66;
 
 /// Rounds of matching and refining, and steps of each.
-const ROUNDS: usize = 5;
+const ROUNDS: usize = 50;
 const STEPS: usize = 12;
 
 /// The predictions of all landmarks at a pose.
 pub(super) fn predictions(query: &PreparedQuery, pose: &Pose) -> Vec<Option<Predicted>> {
-    let map = query.map;
-    (0..map.landmarks().len()).map(|k| Predicted::new(pose, &map.center(k), map.shape(k))).collect()
+    (0..query.map.landmarks().len()).map(|k| Predicted::of_landmark(query, pose, k)).collect()
 }
 
 /// Logarithm of the odds that a box shows a landmark, against a false box; `widen` multiplies standard deviations.
-pub(super) fn gain(query: &PreparedQuery, pose: &Pose, predicted: &Predicted, of: &Match, widen: f64) -> f64 {
-    SEEN.ln() + edge_gains(query, pose, predicted, of, widen).sum::<f64>()
+pub(super) fn gain(query: &PreparedQuery, predicted: &Predicted, of: &Match, widen: f64) -> f64 {
+    SEEN.ln() + edge_gains(query, predicted, of, widen).sum::<f64>()
 }
 
 /// The gains of the edges that say something.
 fn edge_gains<'a>(
     query: &'a PreparedQuery,
-    pose: &Pose,
     predicted: &Predicted,
     of: &Match,
     widen: f64,
 ) -> impl Iterator<Item = f64> + 'a {
     let student_t = StudentT::new(super::refine::DOF);
     let clutter = query.boxes[of.query_box].log_clutter / 4.0;
-    edge_residuals(query, pose, predicted, of).into_iter().flatten().map(move |edge| {
+    edge_residuals(query, predicted, of).into_iter().flatten().map(move |edge| {
         let residual = edge.residual / widen;
         LOG_PEAK - 0.5 * student_t.cost_of_one(residual * residual) - (edge.sd * widen).ln() - clutter
     })
 }
 
 /// The largest gain, whichever edges are hidden.
-fn most_gain(query: &PreparedQuery, pose: &Pose, predicted: &Predicted, of: &Match) -> f64 {
+fn most_gain(query: &PreparedQuery, predicted: &Predicted, of: &Match) -> f64 {
     let all_hidden = Match { one_sided: [true; 4], ..*of };
-    let least = edge_gains(query, pose, predicted, &all_hidden, 1.0).sum::<f64>();
-    let best = edge_gains(query, pose, predicted, of, 1.0).filter(|gain| *gain > 0.0).sum::<f64>();
+    let least = edge_gains(query, predicted, &all_hidden, 1.0).sum::<f64>();
+    let best = edge_gains(query, predicted, of, 1.0).filter(|gain| *gain > 0.0).sum::<f64>();
     SEEN.ln() + least.min(0.0) + best
 }
 
@@ -72,7 +70,7 @@ fn occluded_edges(predicted: &[Option<Predicted>], of: &Predicted) -> [bool; 4] 
 }
 
 /// The boxes that a pose explains with the landmarks that they show, and the sum of their gains.
-fn matches(query: &PreparedQuery, pose: &Pose, predicted: &[Option<Predicted>]) -> (Vec<Match>, f64) {
+fn matches(query: &PreparedQuery, predicted: &[Option<Predicted>]) -> (Vec<Match>, f64) {
     let mut possible = Vec::new();
     let mut pairs = Vec::new();
     for (index, alike) in query.alike.iter().enumerate() {
@@ -80,12 +78,12 @@ fn matches(query: &PreparedQuery, pose: &Pose, predicted: &[Option<Predicted>]) 
             let Some(prediction) = predicted[landmark].as_ref().filter(|p| is_near(query, index, p)) else { continue };
             let mut of = Match::new(query, index, landmark);
             // Whichever edges are hidden: that takes long to find out.
-            if most_gain(query, pose, prediction, &of) <= 0.0 {
+            if most_gain(query, prediction, &of) <= 0.0 {
                 continue;
             }
             let hidden = occluded_edges(predicted, prediction);
             of.one_sided.iter_mut().zip(hidden).for_each(|(one_sided, hidden)| *one_sided |= hidden);
-            let gain = gain(query, pose, prediction, &of, 1.0);
+            let gain = gain(query, prediction, &of, 1.0);
             if gain > 0.0 {
                 pairs.push(Pair { row: index as u32, column: landmark as u32, gain });
                 possible.push(of);
@@ -125,7 +123,7 @@ pub(super) fn located(query: &PreparedQuery, start: Pose) -> Option<LocatedPose>
     let mut before = Vec::new();
     let mut refined = None;
     for _ in 0..ROUNDS {
-        let (matches, _) = matches(query, &pose, &predictions(query, &pose));
+        let (matches, _) = matches(query, &predictions(query, &pose));
         if matches.is_empty() {
             return None;
         }
@@ -139,7 +137,7 @@ pub(super) fn located(query: &PreparedQuery, start: Pose) -> Option<LocatedPose>
     }
     let information = refined?.information;
     let predicted = predictions(query, &pose);
-    let (matches, gains) = matches(query, &pose, &predicted);
+    let (matches, gains) = matches(query, &predicted);
     let cholesky = information.cholesky()?;
     let log_determinant = 2.0 * cholesky.l().diagonal().iter().map(|x| x.ln()).sum::<f64>();
     let mut evidence = gains + log_missed(query, &matches, &predicted);
@@ -156,7 +154,7 @@ pub(super) fn located(query: &PreparedQuery, start: Pose) -> Option<LocatedPose>
         // Against a height that is anywhere in the range of positions.
         evidence += log_range(query) - (TAU.sqrt() * known.sd).ln() - 0.5 * off * off;
     }
-    let covariance = cholesky.inverse();
+    let covariance = covariance(query, &pose, &matches, &information)?;
     evidence.is_finite().then_some(()).and_then(|()| pose.checked()).map(|cam_from_world| LocatedPose {
         cam_from_world,
         covariance,
@@ -191,7 +189,7 @@ mod tests {
     fn ball(x: f64, y: f64, z: f64, radius: f64) -> Landmark {
         let center = Point3::new(x, y, z);
         let ellipsoid = Ellipsoid { center, semi_axes: Vector3::repeat(radius), rotation: Rotation3::identity() };
-        Landmark { ellipsoid, center_covariance: None, category: None }
+        Landmark { ellipsoid, covariance: None, category: None }
     }
 
     /// The box of a ball, with edges that are off by some pixels.
@@ -232,7 +230,7 @@ mod tests {
                 peak * (1.0 + residual * residual / 9.0).powi(-5) / (widen * sd)
             };
             let expected = (0.6 * off.map(density).iter().product::<f64>() * false_box).ln();
-            let found = gain(&prepared, &pose(), &predicted, &Match::new(&prepared, 0, 0), widen);
+            let found = gain(&prepared, &predicted, &Match::new(&prepared, 0, 0), widen);
             assert!((found - expected).abs() < 1e-4, "{widen}: {found} {expected}");
         }
     }

@@ -1,8 +1,8 @@
 //! What an estimator reports about one object.
 
-use nalgebra::{Point3, SMatrix};
+use nalgebra::{Matrix3, Matrix6, Point3, SMatrix, Vector3, Vector6};
 
-use crate::geometry::{Body, BodyKind, Ellipsoid};
+use crate::geometry::{Body, BodyKind, Ellipsoid, skew, vech3};
 
 /// A symmetric 9x9 matrix.
 pub type Matrix9 = SMatrix<f64, 9, 9>;
@@ -202,6 +202,29 @@ pub struct Covariance {
     pub coordinates: CovarianceCoordinates,
     /// The 9x9 matrix in world units.
     pub matrix: Matrix9,
+}
+
+impl Covariance {
+    /// The matrix in the coordinates [`CovarianceCoordinates::CenterVechShape`] of the body's ellipsoid.
+    pub fn in_center_vech_shape(&self, ellipsoid: &Ellipsoid) -> Matrix9 {
+        if self.coordinates == CovarianceCoordinates::CenterVechShape {
+            return self.matrix;
+        }
+        let rotation = ellipsoid.rotation.matrix();
+        let shape = Matrix3::from_diagonal(&ellipsoid.semi_axes.map(|x| x * x));
+        let columns: [Vector6<f64>; 6] = std::array::from_fn(|k| {
+            let mut axis = Vector3::zeros();
+            axis[k % 3] = 1.0;
+            let in_body = match k {
+                0..3 => skew(&axis) * shape - shape * skew(&axis),
+                _ => Matrix3::from_diagonal(&axis) * shape * 2.0,
+            };
+            vech3(&(rotation * in_body * rotation.transpose()))
+        });
+        let mut slopes = Matrix9::identity();
+        slopes.fixed_view_mut::<6, 6>(3, 3).copy_from(&Matrix6::from_columns(&columns));
+        slopes * self.matrix * slopes.transpose()
+    }
 }
 
 /// Another body that is consistent with the measurements of an object.

@@ -15,10 +15,10 @@ use super::{Args, Map};
 use crate::diagnosis::tell;
 use crate::error::{InconsistentError, Outcome};
 use crate::files::move_paths;
-use crate::labels::Labels;
 use crate::localization::{file_options, run_scene};
 use crate::output::{Output, one_line};
 use crate::words::count;
+use quadlift_report::Labels;
 
 /// What was written.
 pub(super) struct Written {

@@ -4,9 +4,9 @@ use quadlift::align::{AlignOptions, AlignStatus, Alignment, Ambiguity, MapTransf
 use quadlift_io::align::{Contradiction, MapObjects};
 
 use super::{Args, Map};
-use crate::labels::Labels;
 use crate::table::{Cell, MAX_ROWS, Table, rest};
 use crate::words::{count, with_unit};
+use quadlift_report::Labels;
 
 /// What was assumed, a line.
 pub(super) fn assumptions(args: &Args, [a, b]: [&Map; 2], options: &AlignOptions) -> String {

@@ -8,9 +8,9 @@ use quadlift_io::scene_file::{ObjectBodies, ObjectRecord};
 use serde_json::{Value, json};
 
 use super::desk::Desk;
-use crate::labels::Labels;
 use crate::output::DIM;
 use crate::table::{Cell, Table, number};
+use quadlift_report::Labels;
 
 /// The result of localizing the desk.
 pub(super) struct Findings<'a> {

@@ -10,9 +10,9 @@ use quadlift_report::{Recording, frame_jpeg, recording};
 use rayon::prelude::*;
 
 use crate::error::Outcome;
-use crate::labels::Labels;
 use crate::output::Output;
 use crate::report::Gathered;
+use quadlift_report::Labels;
 
 /// Quality of the JPEG files: they are looked at in full size.
 const QUALITY: u8 = 90;

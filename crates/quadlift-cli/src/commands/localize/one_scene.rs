@@ -20,11 +20,11 @@ use crate::diagnosis::tell;
 use crate::error::Outcome;
 use crate::estimate_table::{cue_scales, learned_size, noise_levels, pose_points, render, summaries};
 use crate::files::move_paths;
-use crate::labels::Labels;
 use crate::localization::{run_scene, settings_in_words};
 use crate::output::{HEADING, Output, one_line};
 use crate::report::write_localized;
 use crate::words::{count, duration};
+use quadlift_report::Labels;
 
 /// What `--json` says of a scene.
 #[derive(Serialize, Default)]

@@ -3,9 +3,9 @@
 use quadlift::online::ObjectMap;
 use quadlift_io::stream::{EventRecord, OutputLine};
 
-use crate::labels::label;
 use crate::output::one_line;
 use crate::words::count;
+use quadlift_report::label;
 
 /// A line of the output as text, with the labels that the objects have in the map.
 pub(super) fn in_words(line: &OutputLine, map: &ObjectMap) -> String {

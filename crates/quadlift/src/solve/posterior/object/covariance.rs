@@ -1,6 +1,6 @@
 //! Uncertainty of a fit in coordinates that can be interpreted (docs/method.md, section 12.1).
 
-use crate::body_model::ellipsoid::EllipsoidModel;
+use crate::body_model::ellipsoid::{EllipsoidModel, shape_jacobian};
 use crate::geometry::linalg::cholesky;
 use crate::geometry::{VECH3, vech3};
 use crate::optimize::normal_equations::{NormalEquations, PARAMETERS};
@@ -15,7 +15,7 @@ pub(crate) fn ellipsoid_in_world(model: &EllipsoidModel, frame: &ObjectFrame) ->
     let mut map = Matrix9::zeros();
     map.fixed_view_mut::<3, 3>(0, 0).copy_from(&(frame.axes * frame.unit));
     let turn = turn_of_shape(&frame.axes);
-    map.fixed_view_mut::<6, 6>(3, 3).copy_from(&(turn * model.shape_jacobian() * frame.unit * frame.unit));
+    map.fixed_view_mut::<6, 6>(3, 3).copy_from(&(turn * shape_jacobian(&model.root()) * frame.unit * frame.unit));
     map
 }
 

@@ -1,4 +1,4 @@
-//! The labels of objects in texts: "cup 3" for `object_0003`, as reports show them.
+//! The labels of objects in texts and pictures: "cup 3" for `object_0003`, as pages show them.
 
 use std::collections::HashMap;
 
@@ -9,11 +9,11 @@ use quadlift_io::SceneFile;
 
 /// The labels of some objects by their ids. An object has its category and its number where its id has one, else its id.
 #[derive(Debug, Default)]
-pub(crate) struct Labels(HashMap<String, String>);
+pub struct Labels(HashMap<String, String>);
 
 impl Labels {
     /// Of objects with these ids and categories. Two objects never have one label.
-    pub(crate) fn new<'a>(objects: impl IntoIterator<Item = (&'a str, Option<&'a str>)>) -> Self {
+    pub fn new<'a>(objects: impl IntoIterator<Item = (&'a str, Option<&'a str>)>) -> Self {
         let wished: Vec<(&str, String)> = objects.into_iter().map(|(id, category)| (id, label(id, category))).collect();
         let mut times: HashMap<&str, usize> = HashMap::new();
         wished.iter().for_each(|(_, label)| *times.entry(label).or_default() += 1);
@@ -25,19 +25,19 @@ impl Labels {
     }
 
     /// Of the objects of a file.
-    pub(crate) fn of_file(file: &SceneFile) -> Self {
+    pub fn of_file(file: &SceneFile) -> Self {
         Self::new(file.objects.iter().map(|object| (&*object.id, object.category.as_deref())))
     }
 
     /// Of the estimated objects of a scene.
-    pub(crate) fn of_estimates(scene: &Scene, localization: &Localization) -> Self {
+    pub fn of_estimates(scene: &Scene, localization: &Localization) -> Self {
         let category = |estimate: &Estimate| estimate.category_index.map(|index| scene.categories[index].as_str());
         let id = |estimate: &Estimate| scene.object_ids[estimate.object_index].as_str();
         Self::new(localization.estimates.iter().map(|estimate| (id(estimate), category(estimate))))
     }
 
     /// Of the objects in the detections of a scene, each with the category that most of its detections have.
-    pub(crate) fn of_scene(scene: &Scene) -> Self {
+    pub fn of_scene(scene: &Scene) -> Self {
         let mut counts: Vec<HashMap<u32, usize>> = vec![HashMap::new(); scene.object_ids.len()];
         for detection in &scene.detections {
             if let (Some(object), Some(category)) = (detection.object_index, detection.category_index) {
@@ -53,23 +53,23 @@ impl Labels {
     }
 
     /// The label of an object.
-    pub(crate) fn of<'a>(&'a self, id: &'a str) -> &'a str {
+    pub fn of<'a>(&'a self, id: &'a str) -> &'a str {
         self.0.get(id).map_or(id, String::as_str)
     }
 
     /// The labels of several objects.
-    pub(crate) fn of_all<'a>(&'a self, ids: &'a [String]) -> Vec<&'a str> {
+    pub fn of_all<'a>(&'a self, ids: &'a [String]) -> Vec<&'a str> {
         ids.iter().map(|id| self.of(id)).collect()
     }
 
     /// The category in a column beside the label; empty where the label has it.
-    pub(crate) fn category<'a>(&self, id: &str, category: Option<&'a str>) -> &'a str {
+    pub fn category<'a>(&self, id: &str, category: Option<&'a str>) -> &'a str {
         category.filter(|category| !self.of(id).starts_with(&format!("{category} "))).unwrap_or_default()
     }
 }
 
 /// The label of one object: its category and its number where its id has one (`object_0003`, `cup_3`, `3`), else its id.
-pub(crate) fn label(id: &str, category: Option<&str>) -> String {
+pub fn label(id: &str, category: Option<&str>) -> String {
     let before = id.trim_end_matches(|c: char| c.is_ascii_digit());
     let number = &id[before.len()..];
     let kind = before.strip_suffix([' ', '_', '-']).unwrap_or(before);
