@@ -44,7 +44,7 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "OUT.png|OUT.svg")]
     output: PathBuf,
 
-    /// Label objects
+    /// Write labels beside the objects
     #[arg(long)]
     labels: bool,
 
