@@ -287,7 +287,9 @@ fn reason(status: Status, method: &Method, min_views: usize) -> Option<String> {
     let fewest = min_views.max(method.min_views());
     Some(match status {
         Status::Ok => return None,
-        Status::Inconsistent => "no body agrees with the views; the reported one is unreliable".to_owned(),
+        Status::Inconsistent => {
+            "no body agrees with the views, or the scene is inconsistent; the reported one is unreliable".to_owned()
+        }
         Status::NotAnEllipsoid => {
             "the best-fitting quadric is not an ellipsoid; only its center is reported".to_owned()
         }

@@ -342,7 +342,7 @@ pub fn mistake_in_words(name: CauseName, parameter: Option<f64>, correction: Opt
             )
         }
         CauseName::CameraOffset => camera_offset(parameter.unwrap_or_default()),
-        CauseName::ContradictingFrames => "the boxes contradict those of the other frames".to_owned(),
+        CauseName::ContradictingFrames => "the boxes contradict those of the other frames: correct the poses of these frames, or leave them out".to_owned(),
         CauseName::EdgeNoise => format!(
             "the objects do not explain the boxes: their edges are off by {:.0} % of the half size; poses, boxes, depths or ids contradict \
              each other, and no common mistake explains it",

@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::error::ErrorKind;
 use clap::{ArgMatches, FromArgMatches};
+use quadlift::solve::Status;
+use quadlift_io::scene_file::ObjectRecord;
 use quadlift_io::write::{BodyChoice, CheckedScene, Document, EXPORTS, ExportFormat, WRITE, WriteOptions, Writer};
 use quadlift_io::{EntryError, SceneFile, read_scene_file, write_file};
 use serde_json::json;
@@ -125,7 +127,18 @@ fn export(writer: &Writer, common: &Common, options: &WriteOptions, out: &Output
             if checked.bodies() == 0 {
                 bail!("{}: no object has a body: there is nothing to export", scene.display());
             }
-            finish(out, &[write(&checked, options)?], &paths, Some((checked.without_body(), &Labels::of_file(&file))))
+            let labels = Labels::of_file(&file);
+            let outcome = finish(out, &[write(&checked, options)?], &paths, Some((checked.without_body(), &labels)))?;
+            let is_doubtful = |object: &&ObjectRecord| {
+                let has_body = !checked.without_body().contains(&object.id);
+                has_body && object.status.as_deref().is_some_and(|status| status != Status::Ok.name())
+            };
+            let doubtful: Vec<String> = file.objects.iter().filter(is_doubtful).map(|o| o.id.clone()).collect();
+            if !doubtful.is_empty() {
+                let names = one_line(&some_of(&labels.of_all(&doubtful)));
+                out.report(&format!("- with another status than ok: {} ({names})\n", count(doubtful.len(), "object")))?;
+            }
+            Ok(outcome)
         }
         Writer::Tables(write) => {
             let paths: Vec<&Path> =

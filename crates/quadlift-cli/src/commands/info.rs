@@ -110,8 +110,9 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let (file, scene) = (&*input.file, input.scene());
     // The objects of the file are checked as well: the evaluation reads them.
     file.to_objects().map_err(|error| error.in_file(&args.scene))?;
-    // Objects of other files are the truth.
-    let is_result = file.localization.is_some();
+    // Objects without a status are the truth.
+    let estimated = file.objects.iter().filter(|object| object.status.is_some()).count();
+    let is_result = file.localization.is_some() || estimated > 0;
     let mut report = Report {
         scene: args.scene.display().to_string(),
         name: file.name.clone(),
@@ -152,7 +153,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let path = args.scene.as_path();
     let mut next = Next::default();
     let is_fixable = check.is_fixable();
-    if report.detections > 0 && !one_point(scene) && (check.diagnosis.consistent || is_fixable) {
+    if report.detections > 0 && !is_result && !one_point(scene) && (check.diagnosis.consistent || is_fixable) {
         // Of several sources one must be chosen.
         let source = report.sources.iter().find_map(|s| s.name.as_deref()).filter(|_| report.sources.len() > 1);
         let (options, purpose) = match is_fixable {

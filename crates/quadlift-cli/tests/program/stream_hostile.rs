@@ -89,6 +89,25 @@ fn bad_lines_are_told_with_their_numbers_and_change_nothing() {
 }
 
 #[test]
+fn an_input_without_a_frame_that_can_be_read_fails_and_keeps_the_map() {
+    let folder = folder_with_stream();
+    let lines = lines_of(&folder.json("scene.json"));
+    stream(&folder, "stream --map map.json", &lines.concat());
+    let before = folder.read("map.json");
+    let without_time = |line: &String| {
+        let mut line: Value = serde_json::from_str(line).unwrap();
+        line.as_object_mut().unwrap().remove("time");
+        format!("{line}\n")
+    };
+    let input: String = lines.iter().map(without_time).collect();
+    let (events, code, told) = stream(&folder, "stream --map map.json", &input);
+    assert_eq!((events.len(), code), (lines.len() - 1, 1), "{told}");
+    let expected = format!("error: no frame could be read; {} errors in the input, the first: line 2: ", events.len());
+    assert!(told.starts_with(&expected), "{told}");
+    assert_eq!(folder.read("map.json"), before);
+}
+
+#[test]
 fn strict_ends_at_the_first_bad_line_and_writes_the_map() {
     let folder = folder_with_stream();
     let lines = lines_of(&folder.json("scene.json"));

@@ -29,6 +29,8 @@ const SYMPTOMS: &str = "
 
 - **Few views.** Two views determine an object roughly, one view only with a [depth or a 3D box](cues.md). `quadlift localize -v`
   lists rejected views with reasons.
+- **Some frames are wrong.** If boxes contradict those of the other frames, correct the poses of the frames that the message names, or
+  leave them out; `--allow-inconsistent` localizes from the others.
 - **Moving objects.** `quadlift associate` marks them as uncertain.
 - **Bodies are too small.** The tangent body fills the boxes, the enclosing one the object
   ([concepts](concepts.md#tangent-or-enclosing)).
@@ -170,7 +172,8 @@ fn tutorial() -> String {
     folder.write("resized.csv", resized);
     folder.write("letterboxed.csv", letterboxed);
     let mut text =
-        "\n## With COLMAP and a detector\n\nThe check also works without object ids, as in the files of [the tutorial](tutorial.md).\n".to_owned();
+        "\n## With COLMAP and a detector\n\nThe check also works without object ids, as in the files of [the tutorial](tutorial.md). A few frames with poses of their own may
+then become objects of their own instead; `quadlift localize -v` lists rejected views.\n".to_owned();
     for (title, story, detections) in [
         (
             "### Boxes of resized images",

@@ -2,7 +2,7 @@
 
 use std::io::IsTerminal;
 
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use quadlift::online::{ObjectMap, OnlineOptions};
 use quadlift::run::Check;
 use quadlift::solve::PoseNoise;
@@ -38,6 +38,7 @@ pub(super) struct Session<'a> {
     as_text: bool,
     live: Option<Live<'a>>,
     errors: u64,
+    first_error: Option<String>,
     failed_writes: u64,
 }
 
@@ -124,6 +125,7 @@ impl<'a> Session<'a> {
             as_text: !out.json && std::io::stdout().is_terminal(),
             live: None,
             errors: 0,
+            first_error: None,
             failed_writes: 0,
         })
     }
@@ -263,6 +265,8 @@ impl<'a> Session<'a> {
         }
         self.errors += 1;
         let message = error.message.clone();
+        let line = number.map_or(String::new(), |number| format!("line {number}: "));
+        self.first_error.get_or_insert_with(|| format!("{line}{message}"));
         if let Some(live) = &mut self.live {
             let place =
                 [number.map(|number| format!("line {number}: ")), error.frame.as_ref().map(|id| format!("{id}: "))];
@@ -270,8 +274,7 @@ impl<'a> Session<'a> {
         }
         self.print(&OutputLine::of_error(number, error))?;
         if self.strict {
-            let place = number.map_or(String::new(), |number| format!("line {number}: "));
-            bail!("{place}{message}");
+            bail!("{line}{message}");
         }
         Ok(())
     }
@@ -285,8 +288,12 @@ impl<'a> Session<'a> {
     }
 
     /// Settles the map, prints what that has changed, and writes the files; returns what has come out, in one line, and the
-    /// consistency check.
+    /// consistency check. Nothing is written if the input has no frame but errors: an earlier map would be lost.
     pub(super) fn end(&mut self, files: &MapFiles) -> (String, anyhow::Result<Check>) {
+        if let Some(first) = self.first_error.as_ref().filter(|_| self.stream.map.frames() == 0) {
+            let errors = count(self.errors as usize, "error");
+            return (String::new(), Err(anyhow!("no frame could be read; {errors} in the input, the first: {first}")));
+        }
         let mut settled = self.stream.map.clone();
         let update = settled.settle();
         if let Some(mut live) = self.live.take() {
@@ -315,7 +322,8 @@ impl<'a> Session<'a> {
             text.push_str(&format!(", {gone} gone"));
         }
         if self.errors > 0 {
-            text.push_str(&format!("; {} in the input", count(self.errors as usize, "error")));
+            let first = self.first_error.as_deref().unwrap_or_default();
+            text.push_str(&format!("; {} in the input, the first: {first}", count(self.errors as usize, "error")));
         }
         text
     }
