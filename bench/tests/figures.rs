@@ -210,7 +210,7 @@ fn objects_without_ids() {
             ("association_video_0001", 0.98, 1.0),
             ("association_video_0007", 0.91, 1.0),
             ("association_video_0009", 0.965, 1.0),
-            // 22 of 36, since the slack is found and not given: one half is the aim, with fewer true objects uncertain.
+            // 25 of 40, since the slack is found and not given: one half is the aim, with fewer true objects uncertain.
             ("association_uncertain_false", 0.6, 1.0),
             ("association_uncertain_true", 0.0, 0.05),
         ];
