@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::bail;
 use quadlift_io::evaluation::identities::{self, DivisionOutcome};
 use quadlift_io::evaluation::{EvaluateError, evaluate_objects, found_record, scores_record};
-use quadlift_io::read_scene_file;
+use quadlift_io::{SceneFile, read_scene_file};
 use serde_json::json;
 
 use crate::error::Outcome;
@@ -70,6 +70,11 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let estimate_file = read_scene_file(&args.estimate)?;
     let truth_file = read_scene_file(&args.ground_truth)?;
     let (estimate, truth) = ((args.estimate.as_path(), &estimate_file), (args.ground_truth.as_path(), &truth_file));
+    let has_status = |file: &SceneFile| file.objects.iter().any(|object| object.status.is_some());
+    if has_status(truth.1) && !estimate.1.objects.is_empty() && !has_status(estimate.1) {
+        let [first, second] = [estimate.0, truth.0].map(std::path::Path::display);
+        out.warning(&format!("{first} has no estimates and {second} has: the order is ESTIMATE GROUND_TRUTH"));
+    }
     let division = identities::score(estimate, truth, args.source.as_deref())?;
     let mut text = String::new();
     let mut document = json!({});

@@ -63,6 +63,8 @@ fn identities_are_scored_against_the_truth() {
     folder.succeed("associate -q scene.json -o associated.json");
     insta::assert_snapshot!("evaluate_without_ids", folder.succeed("evaluate estimate.json truth.json"));
     let scores = |arguments: &str| -> Value { serde_json::from_str(&folder.succeed(arguments)).unwrap() };
+    let swapped = folder.run("evaluate truth.json estimate.json");
+    assert!(swapped.stderr.contains("truth.json has no estimates and estimate.json has"), "{}", swapped.stderr);
     let whole = scores("evaluate estimate.json truth.json --json");
     assert_eq!((&whole["matched_by"], &whole["failures"]), (&json!("overlap"), &json!(0)));
     assert_eq!((&whole["found"]["matched"], &whole["found"]["precision"]), (&json!(12), &json!(1.0)));
