@@ -150,6 +150,11 @@ pub(crate) fn number(x: Option<f64>, decimals: usize) -> String {
     }
 }
 
+/// A positive number with this many significant digits.
+pub(crate) fn significant(x: f64, digits: i32) -> String {
+    number(Some(x), decimals(x, digits))
+}
+
 /// Decimals that show a number of this size with this many significant digits.
 pub(crate) fn decimals(size: f64, digits: i32) -> usize {
     if !(size.is_finite() && size > 0.0) {

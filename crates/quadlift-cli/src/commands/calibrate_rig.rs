@@ -19,7 +19,7 @@ use crate::error::{Outcome, usage};
 use crate::files::{Inputs, check_result_name, move_paths, outputs, refuse_to_overwrite, with_hint};
 use crate::next::Next;
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
-use crate::table::{Cell, MAX_ROWS, Table, rest};
+use crate::table::{Cell, MAX_ROWS, Table, rest, significant};
 use crate::threads;
 use crate::words::{count, duration, some_of, with_unit};
 
@@ -299,7 +299,7 @@ fn table(ids: &[String], found: &Calibration, unit: Option<&str>) -> String {
 fn position_of(camera: &CalibratedCamera, is_reference: bool) -> String {
     match (camera.sds(), is_reference && camera.status == CameraStatus::Ok) {
         (_, true) => "reference".to_owned(),
-        (Some([_, sd]), _) => format!("{sd:.2e}"),
+        (Some([_, sd]), _) => significant(sd, 2),
         (None, _) => String::new(),
     }
 }

@@ -22,7 +22,7 @@ use crate::error::{Outcome, usage};
 use crate::files::{Inputs, check_result_name, move_paths, outputs, refuse_to_overwrite, with_hint};
 use crate::next::Next;
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
-use crate::table::{Cell, MAX_ROWS, Table, rest};
+use crate::table::{Cell, MAX_ROWS, Table, rest, significant};
 use crate::threads;
 use crate::words::{count, duration, some_of, with_unit};
 
@@ -304,7 +304,7 @@ fn table(ids: &[String], found: &[(FrameQuery, Relocalization)], unit: Option<&s
             Cell::from(id),
             Cell::styled(located.status.name(), style),
             Cell::from(format!("{}/{}", best.map_or(0, |pose| pose.matches.len()), frame.query.boxes.len())),
-            Cell::from(sds.map_or_else(String::new, |[_, sd]| format!("{sd:.2e}"))),
+            Cell::from(sds.map_or_else(String::new, |[_, sd]| significant(sd, 2))),
             Cell::from(sds.map_or_else(String::new, |[sd, _]| format!("{:.2}", sd.to_degrees()))),
             Cell::from(best.map_or_else(String::new, |pose| format!("{:.1}", pose.evidence))),
         ]);

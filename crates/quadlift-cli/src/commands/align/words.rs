@@ -4,7 +4,7 @@ use quadlift::align::{AlignOptions, AlignStatus, Alignment, Ambiguity, MapTransf
 use quadlift_io::align::{Contradiction, MapObjects};
 
 use super::{Args, Map};
-use crate::table::{Cell, MAX_ROWS, Table, rest};
+use crate::table::{Cell, MAX_ROWS, Table, rest, significant};
 use crate::words::{count, with_unit};
 use quadlift_report::Labels;
 
@@ -128,12 +128,12 @@ pub(super) fn aligned(
             Cell::from(labels_a.of(&a.objects.ids[i])),
             Cell::from(labels_b.of(&b.objects.ids[j])),
             Cell::from(labels_a.category(&a.objects.ids[i], Some(category))),
-            Cell::from(format!("{distance:.2e}")),
+            Cell::from(significant(distance, 2)),
         ]);
     }
     let rest = rest(best.matches.len(), "pair", "--json lists all");
     format!(
-        "{title}: aligned by {} of {} and {}\n{about}\nscale        {scale}\nrotation     {:.3} deg (sd {:.3})\n{:<12} {x:.4} {y:.4} {z:.4} (sd {position_sd:.1e} in the \
+        "{title}: aligned by {} of {} and {}\n{about}\nscale        {scale}\nrotation     {:.3} deg (sd {:.3})\n{:<12} {x:.4} {y:.4} {z:.4} (sd {} at the \
          middle of the objects)\nevidence     {:.1}\n\n{}{rest}",
         count(best.matches.len(), "object"),
         a.objects.objects.len(),
@@ -141,6 +141,7 @@ pub(super) fn aligned(
         to.angle().to_degrees(),
         rotation_sd.to_degrees(),
         with_unit("translation", unit),
+        significant(position_sd, 2),
         best.evidence,
         table.render(),
     )
