@@ -4,10 +4,10 @@ use quadlift::association::{Association, IdPolicy};
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
 use quadlift_io::association::skipped_in_words;
+use quadlift_report::Labels;
 
 use crate::output::one_line;
 use crate::words::{count, some_of};
-use quadlift_report::Labels;
 
 /// The message of `localize` about an association of the detections of a file, whose scene has the objects.
 pub(crate) fn localize_in_words(

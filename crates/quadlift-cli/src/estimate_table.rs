@@ -10,12 +10,12 @@ use quadlift::scene::Scene;
 use quadlift::solve::{Estimate, Method, Status};
 use quadlift_io::run::{CueScaleRecord, FileOptions, LearnedSizeRecord, PosePointsRecord, Quantity};
 use quadlift_io::scene_file::{CrossValidationRecord, cross_validation_of_object};
+use quadlift_report::Labels;
 use serde::Serialize;
 
 use crate::output::{BAD, DIM, GOOD, WARNING, one_line};
 use crate::table::{Cell, MAX_ROWS, Table, decimals, number, rest};
 use crate::words::{count, some_of, with_unit};
-use quadlift_report::Labels;
 
 /// The main figures of an estimate.
 #[derive(Debug, Serialize)]

@@ -6,11 +6,11 @@ use quadlift::metrics::{Evaluation, ObjectDetectionScore, PairedBy};
 use quadlift::solve::Status;
 use quadlift_io::evaluation::identities::{Division, DivisionOutcome};
 use quadlift_io::evaluation::{COLUMNS, Column, MIN_IOU, Matching, Unit, failures_in_words};
+use quadlift_report::Labels;
 
 use crate::output::{BAD, GOOD, HEADING, WARNING, one_line};
 use crate::table::{Cell, MAX_ROWS, Table, decimals, number, rest};
 use crate::words::{count, some_of, with_unit};
-use quadlift_report::Labels;
 
 /// How estimates and true objects are paired, as on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]

@@ -90,10 +90,8 @@ impl Gathered {
     /// Frames are taken from the first file with detections, or the first with frames.
     pub(crate) fn new(files: Vec<(PathBuf, SceneFile)>) -> anyhow::Result<Self> {
         let first = |fits: &dyn Fn(&SceneFile) -> bool| files.iter().find(|(_, file)| fits(file));
-        let is_estimate =
-            |file: &SceneFile| file.objects.iter().any(|object| object.status.is_some()) || file.localization.is_some();
-        let estimate = first(&is_estimate).cloned();
-        let truth = first(&|file| !file.objects.is_empty() && !is_estimate(file)).cloned();
+        let estimate = first(&SceneFile::has_estimates).cloned();
+        let truth = first(&|file| !file.objects.is_empty() && !file.has_estimates()).cloned();
         let cameras = first(&|file| !file.detections.is_empty()).or(first(&|file| !file.frames.is_empty()));
         let Some((path, file)) = cameras.or(files.first()) else { bail!("there is no file to show") };
         for (other, second) in &files {

@@ -128,8 +128,7 @@ impl PyScene {
     #[pyo3(signature = (frame, path, labels, source))]
     fn render(&self, py: Python, frame: &str, path: PathBuf, labels: bool, source: Option<&str>) -> PyResult<()> {
         let file = &**self.loaded.file();
-        let is_estimate = file.localization.is_some() || file.objects.iter().any(|object| object.status.is_some());
-        let objects = if is_estimate { (Some(file), None) } else { (None, Some(file)) };
+        let objects = if file.has_estimates() { (Some(file), None) } else { (None, Some(file)) };
         let drawing = Drawing { frame, output: &path, labels, source };
         py.detach(|| render(&self.loaded, &self.loaded.scene, objects, &drawing))
     }

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use anyhow::bail;
 use quadlift_io::evaluation::identities::{self, DivisionOutcome};
 use quadlift_io::evaluation::{EvaluateError, evaluate_objects, found_record, scores_record};
-use quadlift_io::{SceneFile, read_scene_file};
+use quadlift_io::read_scene_file;
+use quadlift_report::Labels;
 use serde_json::json;
 
 use crate::error::Outcome;
@@ -13,7 +14,6 @@ use crate::evaluation::{Match, render, render_found, render_identities, why_no_i
 use crate::next::Next;
 use crate::output::Output;
 use crate::report::{Gathered, check_report};
-use quadlift_report::Labels;
 
 /// Score a result against ground truth
 ///
@@ -70,8 +70,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let estimate_file = read_scene_file(&args.estimate)?;
     let truth_file = read_scene_file(&args.ground_truth)?;
     let (estimate, truth) = ((args.estimate.as_path(), &estimate_file), (args.ground_truth.as_path(), &truth_file));
-    let has_status = |file: &SceneFile| file.objects.iter().any(|object| object.status.is_some());
-    if has_status(truth.1) && !estimate.1.objects.is_empty() && !has_status(estimate.1) {
+    if truth.1.has_estimates() && !estimate.1.objects.is_empty() && !estimate.1.has_estimates() {
         let [first, second] = [estimate.0, truth.0].map(std::path::Path::display);
         out.warning(&format!("{first} has no estimates and {second} has: the order is ESTIMATE GROUND_TRUTH"));
     }

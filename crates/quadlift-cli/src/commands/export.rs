@@ -8,10 +8,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::error::ErrorKind;
 use clap::{ArgMatches, FromArgMatches};
-use quadlift::solve::Status;
-use quadlift_io::scene_file::ObjectRecord;
 use quadlift_io::write::{BodyChoice, CheckedScene, Document, EXPORTS, ExportFormat, WRITE, WriteOptions, Writer};
 use quadlift_io::{EntryError, SceneFile, read_scene_file, write_file};
+use quadlift_report::Labels;
 use serde_json::json;
 
 use crate::error::{Outcome, usage};
@@ -19,7 +18,6 @@ use crate::files::{check_file, refuse_to_overwrite};
 use crate::output::{Output, one_line};
 use crate::reading::{Given, arguments};
 use crate::words::{count, some_of};
-use quadlift_report::Labels;
 
 const ABOUT: &str = "Export objects and cameras to other formats";
 
@@ -129,15 +127,7 @@ fn export(writer: &Writer, common: &Common, options: &WriteOptions, out: &Output
             }
             let labels = Labels::of_file(&file);
             let outcome = finish(out, &[write(&checked, options)?], &paths, Some((checked.without_body(), &labels)))?;
-            let is_doubtful = |object: &&ObjectRecord| {
-                let has_body = !checked.without_body().contains(&object.id);
-                has_body && object.status.as_deref().is_some_and(|status| status != Status::Ok.name())
-            };
-            let doubtful: Vec<String> = file.objects.iter().filter(is_doubtful).map(|o| o.id.clone()).collect();
-            if !doubtful.is_empty() {
-                let names = one_line(&some_of(&labels.of_all(&doubtful)));
-                out.report(&format!("- with another status than ok: {} ({names})\n", count(doubtful.len(), "object")))?;
-            }
+            out.report(&note("with another status than ok", checked.not_ok(), &labels))?;
             Ok(outcome)
         }
         Writer::Tables(write) => {
@@ -210,14 +200,18 @@ fn tell<'a>(
         notes.iter().for_each(|note| text.push_str(&format!("- {}\n", one_line(note))));
         files.push(entry(path, counts, notes));
     }
-    if let Some((ids, labels)) = without_body.filter(|(ids, _)| !ids.is_empty()) {
-        let objects = count(ids.len(), "object");
-        let names = one_line(&some_of(&labels.of_all(ids)));
-        text.push_str(&format!("- skipped without a body: {objects} ({names})\n"));
-    }
+    text.push_str(&without_body.map_or_else(String::new, |(ids, labels)| note("skipped without a body", ids, labels)));
     out.report(&text)?;
     out.document(&json!({ "files": files, "without_body": without_body.map_or(&[][..], |(ids, _)| ids) }))?;
     Ok(Outcome::Fine)
+}
+
+/// "- skipped without a body: 2 objects (cup 3, cup 4)"; empty without objects.
+fn note(what: &str, ids: &[String], labels: &Labels) -> String {
+    if ids.is_empty() {
+        return String::new();
+    }
+    format!("- {what}: {} ({})\n", count(ids.len(), "object"), one_line(&some_of(&labels.of_all(ids))))
 }
 
 /// "wrote objects.ply: 3 objects, 20 cameras".

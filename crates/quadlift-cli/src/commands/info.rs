@@ -9,6 +9,7 @@ use quadlift::run::{Check, diagnose_source, diagnose_unnamed};
 use quadlift::scene::Scene;
 use quadlift_io::SceneFile;
 use quadlift_io::diagnosis::DiagnosisRecord;
+use quadlift_report::Labels;
 use serde::Serialize;
 
 use crate::corrections::{Corrections, corrected_in_words, read_input};
@@ -18,7 +19,6 @@ use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::pose_check::pose_oddities;
 use crate::table::Table;
 use crate::words::{count, some_of};
-use quadlift_report::Labels;
 
 /// Boxes that reach farther out of the image than this are counted (pixels).
 const OUTSIDE_TOLERANCE: f64 = 1.0;
@@ -110,9 +110,8 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let (file, scene) = (&*input.file, input.scene());
     // The objects of the file are checked as well: the evaluation reads them.
     file.to_objects().map_err(|error| error.in_file(&args.scene))?;
-    // Objects without a status are the truth.
-    let estimated = file.objects.iter().filter(|object| object.status.is_some()).count();
-    let is_result = file.localization.is_some() || estimated > 0;
+    // Objects of other files are the truth.
+    let is_result = file.has_estimates();
     let mut report = Report {
         scene: args.scene.display().to_string(),
         name: file.name.clone(),

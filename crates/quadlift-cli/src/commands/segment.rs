@@ -13,6 +13,7 @@ use quadlift_io::scene_file::SceneImages;
 use quadlift_io::scene_file::way_to_file;
 use quadlift_io::segmentation::{Group, Method, Segmentation, Settings, add_to_scene, set_video};
 use quadlift_io::write_scene_file;
+use quadlift_report::Labels;
 use serde_json::{Value, json};
 
 use crate::contact_sheet::write_sheets;
@@ -28,7 +29,6 @@ use crate::segmentation::segment_scene;
 use crate::table::{Cell, MAX_ROWS, Table, number, rest};
 use crate::threads;
 use crate::words::{count, duration};
-use quadlift_report::Labels;
 
 /// Segment the detected objects in their images
 ///

@@ -95,6 +95,11 @@ impl Default for SceneFile {
 }
 
 impl SceneFile {
+    /// Whether the file is a result: objects of other files are the truth.
+    pub fn has_estimates(&self) -> bool {
+        self.localization.is_some() || self.objects.iter().any(|object| object.status.is_some())
+    }
+
     /// The result of a localization of this scene: its names, cameras, frames and points with the estimated objects, and where
     /// on Earth the world is (`reference_lla`).
     ///

@@ -34,7 +34,7 @@ use std::collections::{BTreeMap, HashSet};
 use nalgebra::Point3;
 use quadlift::geometry::{Body, ConvexBody};
 use quadlift::scene::Scene;
-use quadlift::solve::Covariance;
+use quadlift::solve::{Covariance, Status};
 
 use crate::error::EntryError;
 use crate::scene_file::SceneFile;
@@ -89,6 +89,7 @@ pub struct CheckedScene<'a> {
     scene: Scene,
     objects: Vec<Object>,
     without_body: Vec<String>,
+    not_ok: Vec<String>,
 }
 
 /// An object with a body.
@@ -108,11 +109,14 @@ impl<'a> CheckedScene<'a> {
     /// [`EntryError`] as [`SceneFile::to_scene`] and [`SceneFile::to_objects`].
     pub fn new(file: &'a SceneFile, choice: BodyChoice) -> Result<Self, EntryError> {
         let scene = file.to_scene()?;
-        let (mut objects, mut without_body) = (Vec::new(), Vec::new());
+        let (mut objects, mut without_body, mut not_ok) = (Vec::new(), Vec::new(), Vec::new());
         for object in file.to_objects()? {
             let enclosing = if choice == BodyChoice::Enclosing { object.enclosing_body() } else { None };
             match enclosing.or(object.body()) {
                 Some(body) => {
+                    if object.status.is_some_and(|status| status != Status::Ok) {
+                        not_ok.push(object.id.clone());
+                    }
                     objects.push(Object {
                         id: object.id,
                         category: object.category,
@@ -123,7 +127,7 @@ impl<'a> CheckedScene<'a> {
                 None => without_body.push(object.id),
             }
         }
-        Ok(Self { file, scene, objects, without_body })
+        Ok(Self { file, scene, objects, without_body, not_ok })
     }
 
     /// Number of objects with a body.
@@ -139,6 +143,11 @@ impl<'a> CheckedScene<'a> {
     /// Ids of the objects that have none: only the CSV table holds them.
     pub fn without_body(&self) -> &[String] {
         &self.without_body
+    }
+
+    /// Ids of the objects with a body whose status is another than `ok`.
+    pub fn not_ok(&self) -> &[String] {
+        &self.not_ok
     }
 
     /// The categories of the objects by their first appearance; objects without one have the category "object".

@@ -9,6 +9,7 @@ use quadlift_io::align::{ALIGNMENT, Merged, merge};
 use quadlift_io::run::{FileInput, PriorSource};
 use quadlift_io::scene_file::count_localized;
 use quadlift_io::{SceneFile, write_scene_file};
+use quadlift_report::Labels;
 use serde_json::{Value, json};
 
 use super::{Args, Map};
@@ -18,7 +19,6 @@ use crate::files::move_paths;
 use crate::localization::{file_options, run_scene};
 use crate::output::{Output, one_line};
 use crate::words::count;
-use quadlift_report::Labels;
 
 /// What was written.
 pub(super) struct Written {

@@ -2,11 +2,11 @@
 
 use quadlift::align::{AlignOptions, AlignStatus, Alignment, Ambiguity, MapTransform};
 use quadlift_io::align::{Contradiction, MapObjects};
+use quadlift_report::Labels;
 
 use super::{Args, Map};
 use crate::table::{Cell, MAX_ROWS, Table, rest, significant};
 use crate::words::{count, with_unit};
-use quadlift_report::Labels;
 
 /// What was assumed, a line.
 pub(super) fn assumptions(args: &Args, [a, b]: [&Map; 2], options: &AlignOptions) -> String {

@@ -5,12 +5,12 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use quadlift::geometry::{Body, ConvexBody};
 use quadlift_io::SceneFile;
 use quadlift_io::scene_file::{ObjectBodies, ObjectRecord};
+use quadlift_report::Labels;
 use serde_json::{Value, json};
 
 use super::desk::Desk;
 use crate::output::DIM;
 use crate::table::{Cell, Table, number};
-use quadlift_report::Labels;
 
 /// The result of localizing the desk.
 pub(super) struct Findings<'a> {

@@ -6,13 +6,12 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use quadlift_io::file_names::FileNames;
 use quadlift_io::{ReadError, WriteError, write_file, write_folder};
-use quadlift_report::{Recording, frame_jpeg, recording};
+use quadlift_report::{Labels, Recording, frame_jpeg, recording};
 use rayon::prelude::*;
 
 use crate::error::Outcome;
 use crate::output::Output;
 use crate::report::Gathered;
-use quadlift_report::Labels;
 
 /// Quality of the JPEG files: they are looked at in full size.
 const QUALITY: u8 = 90;

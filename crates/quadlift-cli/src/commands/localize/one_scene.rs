@@ -10,6 +10,7 @@ use quadlift_io::diagnosis::DiagnosisRecord;
 use quadlift_io::guard::check_not_read;
 use quadlift_io::run::{FileInput, FileOptions, FileRun, RunRecord};
 use quadlift_io::scene_file::{Detail, count_localized};
+use quadlift_report::Labels;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -24,7 +25,6 @@ use crate::localization::{run_scene, settings_in_words};
 use crate::output::{HEADING, Output, one_line};
 use crate::report::write_localized;
 use crate::words::{count, duration};
-use quadlift_report::Labels;
 
 /// What `--json` says of a scene.
 #[derive(Serialize, Default)]

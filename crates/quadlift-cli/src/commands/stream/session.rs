@@ -268,9 +268,8 @@ impl<'a> Session<'a> {
         let line = number.map_or(String::new(), |number| format!("line {number}: "));
         self.first_error.get_or_insert_with(|| format!("{line}{message}"));
         if let Some(live) = &mut self.live {
-            let place =
-                [number.map(|number| format!("line {number}: ")), error.frame.as_ref().map(|id| format!("{id}: "))];
-            live.error(&self.stream.map, place.into_iter().flatten().collect::<String>() + &message);
+            let frame = error.frame.as_ref().map_or(String::new(), |id| format!("{id}: "));
+            live.error(&self.stream.map, format!("{line}{frame}{message}"));
         }
         self.print(&OutputLine::of_error(number, error))?;
         if self.strict {

@@ -2,10 +2,10 @@
 
 use quadlift::online::ObjectMap;
 use quadlift_io::stream::{EventRecord, OutputLine};
+use quadlift_report::label;
 
 use crate::output::one_line;
 use crate::words::count;
-use quadlift_report::label;
 
 /// A line of the output as text, with the labels that the objects have in the map.
 pub(super) fn in_words(line: &OutputLine, map: &ObjectMap) -> String {
