@@ -1,34 +1,59 @@
-# Sourced by scripts/test_all.sh and .ci/run: named steps, all of which run, also after a failure. What a failed one said is
-# printed again at the end, where a reader of a long log looks first.
-failed=()
-said=$(mktemp -d)
-trap 'rm -rf "$said"' EXIT
+# Sourced by .ci/run, .ci/release and scripts/test_all.sh: named steps, all of which run, also after a failure. Steps may run in
+# lanes beside each other; each has a log of its own, printed when it ends. What failed is printed again at the end, where a
+# reader of a long log looks first.
+logs=$(mktemp -d)
+trap 'rm -rf "$logs"' EXIT
 
 # section NAME COMMAND [ARGUMENT...]
 section() {
-    local name=$1 start=$SECONDS
+    local name=$1 log="$logs/${1// /_}" start=$SECONDS verdict=ok
     shift
-    printf '\n==== %s\n$ %s\n' "$name" "$*"
-    if "$@" 2>&1 | tee "$said/now"; then
-        printf -- '---- %s: ok, %d s\n' "$name" $((SECONDS - start))
-    else
-        failed+=("$name")
-        mv "$said/now" "$said/${#failed[@]}"
-        printf -- '---- %s: FAILED, %d s\n' "$name" $((SECONDS - start))
+    if ! "$@" >"$log" 2>&1; then
+        verdict=FAILED
+        echo "$name" >>"$logs/failed"
     fi
+    local seconds=$((SECONDS - start))
+    printf '%5d s  %s\n' "$seconds" "$name" >>"$logs/times"
+    # Whole logs, one after another, whatever the lanes.
+    {
+        flock 9
+        printf '\n==== %s\n$ %s\n' "$name" "$*"
+        cat "$log"
+        printf -- '---- %s: %s, %d s\n' "$name" "$verdict" "$seconds"
+    } 9>"$logs/printing"
+    touch "$log.ended"
+}
+
+# after NAME...: waits until these sections of another lane have ended. Failures do not end the wait for good: what needs
+# them says what is missing.
+after() {
+    local name
+    for name in "$@"; do
+        until [ -e "$logs/${name// /_}.ended" ]; do sleep 1; done
+    done
+}
+
+# lanes FUNCTION...: runs these functions beside each other.
+lanes() {
+    local lane
+    for lane in "$@"; do
+        "$lane" &
+    done
+    wait
 }
 
 # Ends the script: exit code 1 when a section has failed.
 sections_end() {
     echo
-    if [ ${#failed[@]} -gt 0 ]; then
-        local i
-        for i in "${!failed[@]}"; do
-            printf '==== failed: %s\n' "${failed[i]}"
-            { grep -aE '^(test .* FAILED|error|FAILED )|panicked at' "$said/$((i + 1))" | head -n 20; tail -n 20 "$said/$((i + 1))"; } |
-                cut -c 1-300
-        done
-        printf 'FAILED: %s (%d s)\n' "$(IFS=,; echo "${failed[*]}")" "$SECONDS"
+    cat "$logs/times"
+    if [ -e "$logs/failed" ]; then
+        local name log
+        while read -r name; do
+            log="$logs/${name// /_}"
+            printf '==== failed: %s\n' "$name"
+            { grep -aE '^(test .* FAILED|error|FAILED )|panicked at' "$log" | head -n 20; tail -n 20 "$log"; } | cut -c 1-300
+        done <"$logs/failed"
+        printf 'FAILED: %s (%d s)\n' "$(paste -sd, "$logs/failed")" "$SECONDS"
         exit 1
     fi
     printf 'all sections passed (%d s)\n' "$SECONDS"

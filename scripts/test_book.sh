@@ -4,13 +4,9 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-MDBOOK_VERSION=0.5.4
+source scripts/tools.sh
 target="${CARGO_TARGET_DIR:-$PWD/target}"
-export PATH="$target/ci-tools/bin:$PATH"
-if [ "$(mdbook --version 2>/dev/null)" != "mdbook v$MDBOOK_VERSION" ]; then
-    # Without its web server.
-    cargo install mdbook --version "$MDBOOK_VERSION" --locked --no-default-features --features search --root "$target/ci-tools"
-fi
+install_mdbook
 
 for page in docs/*.md docs/*/*.md; do
     name=${page#docs/}

@@ -56,6 +56,7 @@
 
 mod observer;
 mod parallel;
+mod sorting;
 #[cfg(not(feature = "sensitivity"))]
 mod tuning;
 #[cfg(feature = "sensitivity")]

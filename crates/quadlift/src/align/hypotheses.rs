@@ -12,6 +12,7 @@ use crate::geometry::Similarity;
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::rotation::{between, nearest_rotation, nearest_turn};
 use crate::optimize::bits::ones;
+use crate::sorting::StableSort;
 
 /// Comparisons of pairs with pairs, for all scales together, about: bounds the time.
 const MAX_COMPARISONS: usize = 60_000_000;
@@ -84,7 +85,7 @@ pub(super) fn starts(maps: &PreparedMaps) -> Starts {
     }
     let starts = (MAX_SCORES / maps.candidates.len().max(1)).clamp(MIN_STARTS, MAX_STARTS);
     scored.retain(|(score, _)| *score > 0.0);
-    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+    scored.stable_sort_by(|a, b| b.0.total_cmp(&a.0));
     for (_, transform) in scored {
         if found.transforms.len() == starts {
             break;
@@ -121,7 +122,7 @@ fn nodes(maps: &PreparedMaps, log_scale: f64, most: usize) -> (Vec<usize>, bool)
     if possible.len() <= most {
         return (possible, true);
     }
-    possible.sort_by_key(|&k| maps.candidates[k].alike);
+    possible.stable_sort_by_key(|&k| maps.candidates[k].alike);
     let alike = maps.candidates[possible[most]].alike;
     let fewer = possible.partition_point(|&k| maps.candidates[k].alike < alike);
     let as_many = possible.partition_point(|&k| maps.candidates[k].alike <= alike);

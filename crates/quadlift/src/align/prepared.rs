@@ -8,6 +8,7 @@ use super::log_shape::{coordinates, covariance_of_log_shape, log_shape};
 use super::{AlignOptions, MapObject, MapTransform};
 use crate::geometry::Similarity;
 use crate::geometry::linalg::{cholesky, symmetric_eigen3};
+use crate::sorting::StableSort;
 
 /// Standard deviation of centers as a share of the object's size, beside their covariance: what bodies that are no ellipsoids and boxes of
 /// visible parts move from one side to the other.
@@ -109,7 +110,7 @@ impl PreparedMaps {
         let like_b: Vec<usize> = categories[1].names.iter().map(|name| categories[0].count(*name)).collect();
         // Objects with fewer that are alike come first, where not all pairs can be kept.
         let mut order: Vec<usize> = (0..like_a.len()).collect();
-        order.sort_by_key(|&i| like_a[i]);
+        order.stable_sort_by_key(|&i| like_a[i]);
         let mut left = MAX_PAIRS;
         order.retain(|&i| {
             left = left.saturating_sub(like_a[i]);

@@ -13,6 +13,7 @@ use super::result::Association;
 use super::statistics::median;
 use crate::geometry::BoundingBox;
 use crate::scene::{Detection, PointObservation, Scene};
+use crate::sorting::StableSort;
 
 /// Two frames are from one place if nothing moves by more than this between their images, pixels: less than a shift of a frame that
 /// is worth to be subtracted twice (a convention).
@@ -79,7 +80,7 @@ impl Places {
         if things.iter().all(|(_, thing)| thing.copies.len() == 1) {
             return None;
         }
-        things.sort_by_key(|(_, thing)| thing.copies[0]);
+        things.stable_sort_by_key(|(_, thing)| thing.copies[0]);
         let mut parts = scene.clone().into_parts();
         parts.frames = frames.iter().map(|frames| scene.frames[frames[0]].clone()).collect();
         parts.detections = things.iter().map(|(frame, thing)| thing.detection(scene, *frame)).collect();
@@ -217,7 +218,7 @@ fn seen(scene: &Scene, frames: &[&[usize]], ids: IdPolicy) -> Vec<Seen> {
                 }
             }
         }
-        pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        pairs.stable_sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
         let (mut taken, mut is_known) = (vec![false; known.len()], vec![false; detections.len()]);
         for (_, thing, index) in pairs {
             if !taken[thing] && !is_known[index] {

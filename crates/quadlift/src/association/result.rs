@@ -11,6 +11,7 @@ use super::search::state::State;
 use super::warning::AssociationWarning;
 use crate::geometry::Ellipsoid;
 use crate::scene::{Scene, SkippedDetections};
+use crate::sorting::StableSort;
 use nalgebra::Point3;
 
 /// How an association ended.
@@ -141,7 +142,7 @@ pub(crate) fn collect(scene: &Scene, detections: &[usize], context: &Association
         let named = |(id, members)| Found { members, object: None, doubt: None, trusted_id: Some(id) };
         found.extend(others.into_iter().map(named));
     }
-    found.sort_by(|a, b| a.members.first().cmp(&b.members.first()));
+    found.stable_sort_by(|a, b| a.members.first().cmp(&b.members.first()));
     let mut association = Association {
         object_of_detection: vec![None; scene.detections.len()],
         edge_noise: state.statistics.edge_noise,
@@ -193,7 +194,7 @@ fn names(scene: &Scene, found: &[Found], ids: IdPolicy) -> Vec<String> {
             claims.extend(most.map(|(id, count)| (count, id, object)));
         }
     }
-    claims.sort_by_key(|&(count, id, object)| (std::cmp::Reverse(count), object, id));
+    claims.stable_sort_by_key(|&(count, id, object)| (std::cmp::Reverse(count), object, id));
     let mut names: Vec<Option<String>> = vec![None; found.len()];
     let mut given = HashSet::new();
     for (_, id, object) in claims {

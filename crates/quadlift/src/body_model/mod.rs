@@ -8,6 +8,7 @@ pub(crate) mod oriented;
 use nalgebra::{Matrix3, SVector, Vector3};
 
 use crate::optimize::normal_equations::{NormalEquations, Row};
+use crate::sorting::StableSort;
 
 /// Largest ratio of the longest to the shortest semi-axis that a step may reach.
 pub(crate) const MAX_ASPECT: f64 = 1e6;
@@ -35,7 +36,7 @@ pub(crate) struct ShapeDifference {
 /// The indices of three numbers, the largest first.
 pub(crate) fn descending(values: &Vector3<f64>) -> [usize; 3] {
     let mut order = [0, 1, 2];
-    order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
+    order.stable_sort_by(|&a, &b| values[b].total_cmp(&values[a]));
     order
 }
 

@@ -11,6 +11,7 @@ use super::prepared::{Prepared, PreparedBox, Thing};
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::rigid::Pose;
 use crate::parallel::map_indices;
+use crate::sorting::StableSort;
 
 /// Bodies that two cameras must share.
 pub(super) const MIN_SHARED: usize = 5;
@@ -78,7 +79,7 @@ fn explains(prepared: &Prepared, [a, b]: [usize; 2], score: f64, seed: u64) -> b
         best / shared(&candidates).max(1) as f64
     };
     let mut chance: Vec<f64> = (1..=SHIFTS).map(by_chance).collect();
-    chance.sort_by(|a, b| b.total_cmp(a));
+    chance.stable_sort_by(|a, b| b.total_cmp(a));
     let chance = chance[1];
     score > chance + BEYOND_CHANCE * (1.0 - chance)
 }
@@ -315,7 +316,7 @@ fn matched(prepared: &Prepared, placed: &[(usize, Vector3<f64>, Matrix3<f64>)]) 
             }
         }
     }
-    near.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+    near.stable_sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
     let mut part_of: Vec<usize> = (0..placed.len()).collect();
     let mut parts: Vec<Vec<usize>> = (0..placed.len()).map(|k| vec![k]).collect();
     for (_, k, l) in near {

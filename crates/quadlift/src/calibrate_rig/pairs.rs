@@ -8,6 +8,7 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::kabsch::kabsch;
 use crate::geometry::rigid::Pose;
+use crate::sorting::StableSort;
 
 /// Standard deviations of a point: of its depth, relative (the tilt of the camera changes sizes by as much), and across, relative to the
 /// size of the body.
@@ -85,7 +86,7 @@ fn agreeing(pose: &Pose, candidates: &[Candidate]) -> (f64, Vec<usize>) {
         let end = start + candidates[start..].iter().take_while(|c| c.time_step == time_step).count();
         near.clear();
         near.extend((start..end).map(|k| (distance(pose, &candidates[k].points), k)).filter(|n| n.0 < SAME_POINT));
-        near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        near.stable_sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let first = inliers.len();
         for &(squared, k) in &near {
             let [a, b] = candidates[k].boxes;
@@ -156,7 +157,7 @@ pub(super) fn relative_poses(candidates: &[Candidate], seed: u64) -> Vec<Relativ
         }
         found.push((score, pose));
     }
-    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    found.stable_sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut kept: Vec<RelativePose> = Vec::new();
     for (_, pose) in found {
         if kept.iter().any(|other| are_same(&other.second_from_first, &pose, candidates)) {
@@ -175,7 +176,7 @@ pub(super) fn relative_poses(candidates: &[Candidate], seed: u64) -> Vec<Relativ
             break;
         }
     }
-    kept.sort_by(|a, b| b.score.total_cmp(&a.score));
+    kept.stable_sort_by(|a, b| b.score.total_cmp(&a.score));
     kept
 }
 

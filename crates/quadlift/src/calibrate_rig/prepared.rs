@@ -7,6 +7,7 @@ use super::predicted::Shape;
 use super::problem::{MeasuredBox, ShapePrior};
 use super::{Rig, RigBox, RigCategory};
 use crate::scene::{BORDER_TOLERANCE_PX, edges_at_border};
+use crate::sorting::StableSort;
 
 /// Half height over radius of upright bodies: that of people, with the standard deviation of the logarithm: arms, bags, stride.
 const LOG_RATIO: f64 = 0.8;
@@ -113,7 +114,7 @@ impl<'a> Prepared<'a> {
         };
         let mut boxes: Vec<PreparedBox> = rig.boxes.iter().filter_map(prepare).collect();
         // The order of the input does not matter.
-        boxes.sort_by(|a, b| {
+        boxes.stable_sort_by(|a, b| {
             let edges = || a.measured.edges.iter().zip(&b.measured.edges).map(|(a, b)| a.total_cmp(b));
             let key = |b: &PreparedBox| (b.time_step, b.thing, b.camera);
             key(a).cmp(&key(b)).then_with(|| edges().find(|o| o.is_ne()).unwrap_or(std::cmp::Ordering::Equal))

@@ -13,6 +13,7 @@ use super::problem::{DistanceRow, Levels, Observation, Problem, ShapePrior, Site
 use super::{CalibrateOptions, RigScale};
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::rigid::Pose;
+use crate::sorting::StableSort;
 
 /// First levels of the noise of boxes: of bodies with a vertical, and of others, whose widths and heights change as they turn.
 const FIRST_LEVELS: [f64; 2] = [0.05, 0.05];
@@ -127,7 +128,7 @@ impl Sites {
             .filter(|&(&(_, thing), &count)| matches!(thing, Thing::Object(_)) && count >= OWN_SHAPE)
             .map(|(&(category, thing), &count)| (count, thing, category))
             .collect();
-        own.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
+        own.stable_sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
         own.truncate(MAX_SHAPES);
         let mut shape_of: BTreeMap<(usize, Option<Thing>), usize> = BTreeMap::new();
         let mut shapes: Vec<ShapePrior> = Vec::new();

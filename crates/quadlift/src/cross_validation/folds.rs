@@ -2,6 +2,7 @@
 
 use super::{CrossValidationOptions, Extent};
 use crate::solve::{Estimate, Fold};
+use crate::sorting::StableSort;
 
 /// Views of an object from which a sample's fits start from the fit to all views. Against fits from scratch (synthetic
 /// scenes of 50 objects, 8 and 20 views, boxes with 5 % noise): IoU of ellipsoids within .0004 for 95 % of the views with
@@ -53,11 +54,11 @@ pub(crate) fn choose_folds(estimates: &[Estimate], options: &CrossValidationOpti
             // The first fold of every object before the second of any.
             let mut folds: Vec<(usize, Fold)> =
                 objects.into_iter().flat_map(|object| folds_of(object).enumerate()).collect();
-            folds.sort_by_key(|(number, fold)| (*number, fold.object));
+            folds.stable_sort_by_key(|(number, fold)| (*number, fold.object));
             let count = folds.len().min(fits);
             let step = |k: usize| k * folds.len() / count;
             let mut sample: Vec<Fold> = (0..count).map(|k| folds[step(k)].1.clone()).collect();
-            sample.sort_by_key(|fold| fold.object);
+            sample.stable_sort_by_key(|fold| fold.object);
             sample
         }
     }

@@ -2,6 +2,7 @@
 
 use super::{CrossValidationOptions, Extent};
 use crate::solve::{Estimate, Fold, FoldPrediction, LARGE_ERROR, Prediction};
+use crate::sorting::StableSort;
 
 /// Predictions of left-out views of a scene, summarized.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -114,7 +115,7 @@ pub(crate) fn summarize(
             let views = &estimates[object.estimate_index].views;
             views.iter().position(|view| view.frame_index == prediction.frame_index)
         };
-        paired.sort_by_key(|(prediction, _)| place(prediction));
+        paired.stable_sort_by_key(|(prediction, _)| place(prediction));
         let oddest = (0..paired.len()).max_by(|&a, &b| paired[a].1.total_cmp(&paired[b].1));
         object.odd = oddest.filter(|&index| paired[index].1 > ODD_RATIO);
         object.predictions = paired.into_iter().map(|(prediction, _)| prediction).collect();

@@ -1,5 +1,7 @@
 //! Orders of frame names: alphabetical, and by the numbers in them.
 
+use crate::sorting::StableSort;
+
 /// The place of each name in alphabetical order ("frame_10" before "frame_9").
 pub(crate) fn lexicographic_places(ids: &[&str]) -> Vec<usize> {
     places(ids, |a, b| a.cmp(b))
@@ -12,7 +14,7 @@ pub(crate) fn natural_places(ids: &[&str]) -> Vec<usize> {
 
 fn places(ids: &[&str], order: impl Fn(&str, &str) -> std::cmp::Ordering) -> Vec<usize> {
     let mut frames: Vec<usize> = (0..ids.len()).collect();
-    frames.sort_by(|&a, &b| order(ids[a], ids[b]).then(a.cmp(&b)));
+    frames.stable_sort_by(|&a, &b| order(ids[a], ids[b]).then(a.cmp(&b)));
     let mut places = vec![0; ids.len()];
     for (place, frame) in frames.into_iter().enumerate() {
         places[frame] = place;

@@ -6,6 +6,7 @@ use super::hypotheses::{FAMILIES, Family, discrete};
 use super::misses::{ReprojectionErrors, misses};
 use super::sample::Sample;
 use crate::parallel::map_indices;
+use crate::sorting::StableSort;
 
 /// Steps of the golden-section search of a family; the last interval is 2 % of the first.
 const NARROWING: usize = 8;
@@ -51,7 +52,7 @@ pub(crate) fn search(sample: &Sample) -> Option<Search> {
     found.retain(|e| e.gain.gain > 0.0);
     // The first of those that are equally good as the best.
     let best = found.iter().map(|e| e.gain.gain).fold(0.0, f64::max);
-    found.sort_by(|a, b| {
+    found.stable_sort_by(|a, b| {
         let close = |e: &Explanation| e.gain.gain >= best - AS_GOOD;
         close(b).cmp(&close(a)).then(if close(a) && close(b) {
             std::cmp::Ordering::Equal

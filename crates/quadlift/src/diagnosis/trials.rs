@@ -13,6 +13,7 @@ use super::verdict::of_search;
 use crate::association::{AssociateError, AssociateOptions, Association, associate};
 use crate::parallel::map_indices;
 use crate::scene::{Detection, Scene};
+use crate::sorting::StableSort;
 
 /// Maximum number of frames of the part that is associated again.
 const MAX_FRAMES: usize = 20;
@@ -114,7 +115,7 @@ impl<'a> Tried<'a> {
         }
         let mut kept = vec![false; scene.detections.len()];
         for boxes in &mut by_frame {
-            boxes.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            boxes.stable_sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
             boxes.iter().take(self.boxes_in_frame).for_each(|&(_, index)| kept[index] = true);
         }
         let detections: Vec<usize> = (0..kept.len()).filter(|&index| kept[index]).collect();

@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::camera::CameraParts;
 use super::correction::Correction;
 use crate::scene::Scene;
+use crate::sorting::StableSort;
 
 /// Maximum number of frames.
 const MAX_FRAMES: usize = 200;
@@ -88,7 +89,7 @@ fn upright_direction(cameras: &[Matrix3<f64>]) -> Option<Vector3<f64>> {
         cameras.iter().map(|c| axis(c, 0) * axis(c, 0).transpose()).sum::<Matrix3<f64>>() / count;
     let eigen = scatter.symmetric_eigen();
     let mut order = [0, 1, 2];
-    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
+    order.stable_sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
     let [least, second] = [order[0], order[1]].map(|k| eigen.eigenvalues[k].max(0.0));
     if second < SPREAD || second < DISTINCT * least {
         return None;

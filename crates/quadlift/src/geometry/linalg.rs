@@ -4,6 +4,8 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector, SymmetricEigen, Vector3};
 
+use crate::sorting::StableSort;
+
 /// Iterations after which an eigenvalue decomposition is given up.
 const MAX_ITERATIONS: usize = 200;
 
@@ -20,7 +22,7 @@ pub(crate) fn symmetric_eigen3(m: &Matrix3<f64>) -> Option<(Vector3<f64>, Matrix
     }
     let eigen = SymmetricEigen::try_new(m / scale, f64::EPSILON, MAX_ITERATIONS)?;
     let mut order = [0, 1, 2];
-    order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+    order.stable_sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
     let values = Vector3::from_fn(|i, _| eigen.eigenvalues[order[i]] * scale);
     let mut vectors = Matrix3::from_fn(|i, j| eigen.eigenvectors[(i, order[j])]);
     if vectors.determinant() < 0.0 {

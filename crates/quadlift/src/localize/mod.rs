@@ -27,6 +27,7 @@ use crate::solve::{
     POSE_NOISE_NAMES, PoseNoise, PosePointsReport, PosteriorOptions, RefinedPose, ViewReport, predict_fold,
     solve_closed_form,
 };
+use crate::sorting::StableSort;
 use order::{FrameOrder, order_of_objects};
 use selection::Selection;
 use spread::spread;
@@ -182,10 +183,10 @@ fn refined(
     let order = order_of_objects(scene, &selection.objects);
     let solution = posterior(order.len(), &|k| selection.views_of(order[k]), &context, &choose);
     let mut estimates: Vec<_> = order.iter().zip(solution.estimates).collect();
-    estimates.sort_by_key(|(place, _)| **place);
+    estimates.stable_sort_by_key(|(place, _)| **place);
     let mut folds: Vec<_> = solution.folds.into_iter().zip(solution.predicted).collect();
     folds.iter_mut().for_each(|(fold, _)| fold.object = order[fold.object]);
-    folds.sort_by_key(|(fold, _)| fold.object);
+    folds.stable_sort_by_key(|(fold, _)| fold.object);
     let (folds, predicted) = folds.into_iter().unzip();
     let localization = Localization {
         estimates: estimates.into_iter().map(|(_, estimate)| estimate).collect(),

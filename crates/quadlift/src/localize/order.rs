@@ -6,6 +6,7 @@ use super::Localization;
 use crate::diagnosis::natural_places;
 use crate::scene::{Frame, Scene, SceneError};
 use crate::solve::ScaledQuantity;
+use crate::sorting::StableSort;
 
 /// Frames in the order of their times and cameras, others in that of their names, in which numbers count as numbers.
 pub(super) struct FrameOrder {
@@ -20,7 +21,7 @@ impl FrameOrder {
         let places = natural_places(&ids);
         let time = |frame: &Frame| frame.rig.map(|rig| (rig.time_step, rig.camera));
         let mut old: Vec<usize> = (0..ids.len()).collect();
-        old.sort_by_key(|&index| (time(&scene.frames[index]), places[index]));
+        old.stable_sort_by_key(|&index| (time(&scene.frames[index]), places[index]));
         (!old.is_sorted()).then_some(Self { old })
     }
 
@@ -45,10 +46,10 @@ impl FrameOrder {
     pub(super) fn undo(&self, found: &mut Localization) {
         for estimate in &mut found.estimates {
             estimate.views.iter_mut().for_each(|view| view.frame_index = self.old[view.frame_index]);
-            estimate.views.sort_by_key(|view| view.frame_index);
+            estimate.views.stable_sort_by_key(|view| view.frame_index);
         }
         found.refined_poses.iter_mut().for_each(|pose| pose.frame_index = self.old[pose.frame_index]);
-        found.refined_poses.sort_by_key(|pose| pose.frame_index);
+        found.refined_poses.stable_sort_by_key(|pose| pose.frame_index);
         renumber_predictions(found, |_, frame| self.old[frame]);
         for scale in &mut found.cue_scales {
             if let ScaledQuantity::DepthOfFrame { frame } = &mut scale.quantity {
@@ -64,7 +65,7 @@ pub(super) fn renumber_predictions(found: &mut Localization, new: impl Fn(usize,
         let estimate = object.estimate_index;
         let odd = object.suspect_view().map(|odd| new(estimate, odd.frame_index));
         object.predictions.iter_mut().for_each(|one| one.frame_index = new(estimate, one.frame_index));
-        object.predictions.sort_by_key(|one| one.frame_index);
+        object.predictions.stable_sort_by_key(|one| one.frame_index);
         object.odd = odd.and_then(|odd| object.predictions.iter().position(|one| one.frame_index == odd));
     }
 }

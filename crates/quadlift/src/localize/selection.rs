@@ -2,6 +2,7 @@
 
 use super::options::LocalizeOptions;
 use crate::scene::{Detection, ObjectViews, Scene, SkippedDetections, SourceError};
+use crate::sorting::StableSort;
 
 /// The objects of a scene, and the detections of theirs that are used.
 pub(super) struct Selection<'a> {
@@ -28,7 +29,7 @@ impl<'a> Selection<'a> {
         let mut groups = scene.detections_by_object(|d| selection.is_used(d) && selection.is_usable(d));
         // In the order of the frames, so that neighbors in the list are neighbors in time.
         for group in &mut groups {
-            group.sort_by_key(|&index| scene.detections[index as usize].frame_index);
+            group.stable_sort_by_key(|&index| scene.detections[index as usize].frame_index);
         }
         selection.groups = groups;
         // The closed forms do not use them.

@@ -7,6 +7,7 @@ use super::order::renumber_predictions;
 use crate::association::places::{MIN_OVERLAP, Places};
 use crate::scene::Scene;
 use crate::solve::{RefinedPose, Rejection, ScaledQuantity, Status, ViewReport};
+use crate::sorting::StableSort;
 
 /// Views that are enough for any method, from different places.
 const MIN_VIEWS: usize = 3;
@@ -41,7 +42,7 @@ pub(super) fn spread(places: &Places, scene: &Scene, found: &mut Localization) {
             })
         };
         estimate.views = estimate.views.iter().flat_map(of_view).collect();
-        estimate.views.sort_by_key(|view| view.frame_index);
+        estimate.views.stable_sort_by_key(|view| view.frame_index);
         // There are views, but from too few places.
         if estimate.status == Status::TooFewViews && estimate.views.len() > MIN_VIEWS {
             estimate.status = Status::Degenerate;
@@ -52,7 +53,7 @@ pub(super) fn spread(places: &Places, scene: &Scene, found: &mut Localization) {
         places.frames[pose.frame_index].iter().map(move |&frame_index| RefinedPose { frame_index, ..pose.clone() })
     };
     found.refined_poses = found.refined_poses.iter().flat_map(of_pose).collect();
-    found.refined_poses.sort_by_key(|pose| pose.frame_index);
+    found.refined_poses.stable_sort_by_key(|pose| pose.frame_index);
     let objects: Vec<usize> = found.estimates.iter().map(|estimate| estimate.object_index).collect();
     renumber_predictions(found, |estimate, place| first(objects[estimate], place));
     for scale in &mut found.cue_scales {

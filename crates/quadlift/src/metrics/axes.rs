@@ -5,6 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 
 use crate::geometry::Ellipsoid;
+use crate::sorting::StableSort;
 
 /// Maximum ratio of two semi-axes of a body that counts as round about the third: any direction
 /// between the two is as good as theirs.
@@ -77,7 +78,7 @@ pub fn sorted_axes_error(estimate: &Ellipsoid, truth: &Ellipsoid) -> Vector3<f64
 /// Indices of the semi-axes from the longest to the shortest.
 fn descending(e: &Ellipsoid) -> [usize; 3] {
     let mut order = [0, 1, 2];
-    order.sort_by(|&i, &j| e.semi_axes[j].total_cmp(&e.semi_axes[i]));
+    order.stable_sort_by(|&i, &j| e.semi_axes[j].total_cmp(&e.semi_axes[i]));
     order
 }
 

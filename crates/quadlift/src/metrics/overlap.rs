@@ -3,6 +3,7 @@
 use super::iou_ellipsoids::iou3d_ellipsoids;
 use crate::geometry::Ellipsoid;
 use crate::optimize::matching::{Pair, best_pairs};
+use crate::sorting::StableSort;
 
 /// A pair of a found and a true body.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,7 +22,7 @@ pub fn pair_by_overlap(found: &[Option<Ellipsoid>], truth: &[Option<Ellipsoid>],
     // Along x, so that only neighbors are compared.
     let mut bodies: Vec<(usize, &Ellipsoid)> =
         truth.iter().enumerate().filter_map(|(column, body)| Some((column, body.as_ref()?))).collect();
-    bodies.sort_by(|a, b| a.1.center.x.total_cmp(&b.1.center.x));
+    bodies.stable_sort_by(|a, b| a.1.center.x.total_cmp(&b.1.center.x));
     let longest = bodies.iter().map(|(_, body)| body.semi_axes.max()).fold(0.0, f64::max);
     let mut pairs = Vec::new();
     for (row, estimate) in found.iter().enumerate() {

@@ -12,6 +12,7 @@ use crate::association::score::log_likelihood_ratio::LogLikelihoodRatios;
 use crate::association::score::object::is_visible;
 use crate::association::score::rays::{PairSphere, Sphere};
 use crate::association::search::growth::new_pair;
+use crate::sorting::StableSort;
 
 /// Maximum number of pairs tested per frame, and the minimum per box.
 const MAX_PAIRS: usize = 100_000;
@@ -33,7 +34,7 @@ impl ObjectMap {
     pub(super) fn begin_objects(&mut self, current: &mut Current, update: &mut FrameUpdate) {
         let mut pairs = self.box_pairs(current);
         let place = |pair: &BoxPair| (pair.new, pair.old);
-        pairs.sort_by(|a, b| a.disagreement.total_cmp(&b.disagreement).then(place(a).cmp(&place(b))));
+        pairs.stable_sort_by(|a, b| a.disagreement.total_cmp(&b.disagreement).then(place(a).cmp(&place(b))));
         let mut taken_new: Vec<u32> = Vec::new();
         for pair in pairs {
             if taken_new.len() >= MAX_BIRTHS {

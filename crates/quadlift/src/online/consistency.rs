@@ -16,6 +16,7 @@ use crate::diagnosis::misses::AGREES;
 use crate::diagnosis::{Cause, CauseName, Diagnosis, diagnose_association, is_convincing};
 use crate::run::diagnose_source;
 use crate::scene::{Detection, Scene, SceneParts};
+use crate::sorting::StableSort;
 
 /// Number of frames after which a map is checked for the first time: a convention, about a second of a video.
 const FIRST_CHECK: usize = 30;
@@ -86,7 +87,7 @@ impl ObjectMap {
     /// shows a cause.
     fn check_window(&mut self, is_part: bool, update: &mut FrameUpdate) {
         let mut frames: Vec<RecentFrame> = self.windows.frames.iter().chain(&self.recent).cloned().collect();
-        frames.sort_by_key(|frame| frame.key);
+        frames.stable_sort_by_key(|frame| frame.key);
         let (found, is_quick) = self.diagnose_frames(&frames);
         let is_unexplained = !found.consistent && !found.causes.iter().any(is_mistake);
         // The first explanation stays: that of the event.

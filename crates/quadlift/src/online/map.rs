@@ -23,6 +23,7 @@ use crate::association::statistics::DetectionRate;
 use crate::association::{AssociateError, IdPolicy};
 use crate::diagnosis::Diagnosis;
 use crate::geometry::Ellipsoid;
+use crate::sorting::StableSort;
 
 /// Initial slack of edges, pixels.
 const FIRST_PIXEL_SD: f64 = 2.0;
@@ -240,7 +241,7 @@ impl ObjectMap {
                 (self.categories.names()[usize::from(category)].clone(), f64::from(n) / f64::from(total.max(1)))
             })
             .collect();
-        categories.sort_by(|a, b| b.1.total_cmp(&a.1));
+        categories.stable_sort_by(|a, b| b.1.total_cmp(&a.1));
         let evidence = self.evidence_of(tracked);
         let here = match tracked.presence {
             Presence::Tentative => evidence,

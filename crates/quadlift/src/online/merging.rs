@@ -8,6 +8,7 @@ use super::views::KeptView;
 use crate::association::score::evidence::evidence;
 use crate::association::score::fit::{Start, fit};
 use crate::association::search::nested::{FEWER_VIEWS, SAME_PLACE, SAME_SIZE, within};
+use crate::sorting::StableSort;
 
 /// Objects are tried as one when their centers are nearer than this many times the sum of their radii.
 pub(super) const NEAR: f64 = 1.2;
@@ -28,7 +29,7 @@ impl ObjectMap {
     /// Tries objects as one whose predictions overlap in the frame.
     pub(super) fn merge_overlapping(&mut self, seen: &[Seen], update: &mut FrameUpdate) {
         let mut order: Vec<&Seen> = seen.iter().collect();
-        order.sort_by(|a, b| a.prediction.edges[0].total_cmp(&b.prediction.edges[0]).then(a.slot.cmp(&b.slot)));
+        order.stable_sort_by(|a, b| a.prediction.edges[0].total_cmp(&b.prediction.edges[0]).then(a.slot.cmp(&b.slot)));
         for (place, first) in order.iter().enumerate() {
             for second in &order[place + 1..] {
                 let (a, b) = (&first.prediction.edges, &second.prediction.edges);

@@ -18,6 +18,7 @@ use crate::association::input::clutter::set_clutter;
 use crate::association::input::context::given_size;
 use crate::geometry::{BoundingBox, quaternion_from_rotation, rotation_from_quaternion};
 use crate::scene::{self, BORDER_TOLERANCE_PX, NewDetection, Outlines, check_outline, edges_at_border};
+use crate::sorting::StableSort;
 
 /// Number of consecutive contradicting frames after which they are used: the world has changed.
 const MAX_CONTRADICTING_FRAMES: u32 = 10;
@@ -175,7 +176,7 @@ impl ObjectMap {
             }
             views.push(KeptView { shape: shape.map(Box::new), ..view });
         }
-        views.sort_by(|a, b| a.edges[0].total_cmp(&b.edges[0]).then(a.detection.cmp(&b.detection)));
+        views.stable_sort_by(|a, b| a.edges[0].total_cmp(&b.edges[0]).then(a.detection.cmp(&b.detection)));
         let kept = Frame { cue_sources: Vec::new(), scaled_by_frame: BTreeSet::new(), ..frame.clone() };
         let keyframe = Keyframe::new(kept, &self.origin, self.running.extent.into());
         let mut camera = keyframe.camera.clone();

@@ -18,6 +18,7 @@ use crate::association::score::fit::Start;
 use crate::association::score::log_likelihood_ratio::LogLikelihoodRatios;
 use crate::association::search::passes::fit_rays;
 use crate::geometry::Projection;
+use crate::sorting::StableSort;
 
 /// Rounds of estimation, splitting, merging and assignment after frames have moved.
 const ROUNDS: usize = 4;
@@ -109,7 +110,7 @@ impl ObjectMap {
             };
             frame.boxes.retain(is_kept);
             let place = |b: &RecentBox| (b.view.edges[0], b.view.detection);
-            frame.boxes.sort_by(|a, b| place(a).0.total_cmp(&place(b).0).then(place(a).1.cmp(&place(b).1)));
+            frame.boxes.stable_sort_by(|a, b| place(a).0.total_cmp(&place(b).0).then(place(a).1.cmp(&place(b).1)));
             // Its boxes may leave their objects before others take them.
             self.keyframes.hold(frame.key);
             self.assign_again(&mut frame, update);
@@ -219,7 +220,7 @@ impl ObjectMap {
                 }
             }
         }
-        pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        pairs.stable_sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
         pairs.into_iter().map(|(_, first, second)| (first, second)).collect()
     }
 

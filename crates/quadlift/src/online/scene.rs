@@ -8,6 +8,7 @@ use super::tracked::Presence;
 use super::views::KeptView;
 use crate::geometry::BoundingBox;
 use crate::scene::{Detection, Scene, SceneParts};
+use crate::sorting::StableSort;
 
 impl ObjectMap {
     /// The kept views as a scene. Its object ids are those of the map, in their order; tentative objects are left out. The map does
@@ -81,7 +82,7 @@ impl ObjectMap {
                 found.push((detection, view));
             }
         }
-        found.sort_by_key(|(d, _)| (d.frame_index, d.object_index));
+        found.stable_sort_by_key(|(d, _)| (d.frame_index, d.object_index));
         let (detections, views) = found.into_iter().unzip();
         (Scene(SceneParts { detections, ..parts }), views)
     }

@@ -13,6 +13,7 @@ use super::matching::Matched;
 use super::update::{DetectionRef, FrameUpdate};
 use super::views::{KeptView, RecentBox, RecentFrame, to_bits};
 use crate::association::places::{MAX_MOTION_PX, MAX_ROUNDING, MIN_OVERLAP, MIN_SEEN, turn_px};
+use crate::sorting::StableSort;
 
 /// Detections that are remembered for a box, at most.
 const MAX_COPIES: usize = 5000;
@@ -135,7 +136,7 @@ impl ObjectMap {
                 }
             }
         }
-        pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        pairs.stable_sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
         let mut found: Vec<(u32, u32, u8)> = Vec::new();
         for (_, _, index, slot, hidden) in pairs {
             if !found.iter().any(|&(known, other, _)| known == slot || other == index) {

@@ -1,6 +1,8 @@
 //! The best pairing of two sets where each has at most one partner: the assignment problem (Hungarian method) on a
 //! sparse table of gains.
 
+use crate::sorting::StableSort;
+
 /// Steps of the Hungarian method beyond which a connected part of the table is paired greedily instead; only a mass of
 /// boxes in one place leads there.
 const MAX_STEPS: usize = 200_000_000;
@@ -148,7 +150,7 @@ fn hungarian(gains: &[f64], n: usize, m: usize) -> Vec<usize> {
 /// Takes the greatest gains first.
 fn pair_greedily(pairs: &[Pair], part: &[usize], chosen: &mut Vec<usize>) {
     let mut order = part.to_vec();
-    order.sort_by(|&a, &b| pairs[b].gain.total_cmp(&pairs[a].gain).then(a.cmp(&b)));
+    order.stable_sort_by(|&a, &b| pairs[b].gain.total_cmp(&pairs[a].gain).then(a.cmp(&b)));
     let (mut rows, mut columns) = (std::collections::HashSet::new(), std::collections::HashSet::new());
     for k in order {
         if !rows.contains(&pairs[k].row) && !columns.contains(&pairs[k].column) {

@@ -9,6 +9,7 @@ use super::{Gravity, LandmarkMap, Query, QueryBox};
 use crate::geometry::rigid::Pose;
 use crate::geometry::rotation::{between, nearest_turn};
 use crate::optimize::bits::{after, count, ones};
+use crate::sorting::StableSort;
 
 /// Groups of candidates of a round, about: the search may end after one that finds a pose that explains most of the image.
 const GROUPS_OF_ROUND: usize = 20_000;
@@ -163,7 +164,7 @@ pub(super) fn starts(query: &PreparedQuery, groups: &Groups, round: usize, budge
             })
         })
         .collect();
-    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+    scored.stable_sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut chosen: Vec<Pose> = Vec::new();
     for (_, pose) in scored {
         if !chosen.iter().any(|other| query.same_pose(&pose, other)) {
@@ -262,7 +263,7 @@ fn distinctive(query: &PreparedQuery) -> Vec<usize> {
     let mut boxes: Vec<Vec<usize>> = vec![Vec::new(); query.boxes.len()];
     query.candidates.iter().enumerate().for_each(|(k, candidate)| boxes[candidate.query_box].push(k));
     boxes.retain(|of_box| !of_box.is_empty());
-    boxes.sort_by_key(Vec::len);
+    boxes.stable_sort_by_key(Vec::len);
     let mut chosen: Vec<usize> = Vec::new();
     for (k, of_box) in boxes.iter().enumerate() {
         if k >= 3 && chosen.len() + of_box.len() > MAX_CANDIDATES {

@@ -12,6 +12,7 @@ use super::outlines::{Outlines, Shape, check_outline};
 use super::parts::{Detection, Frame, RigCamera, SceneParts, Undistorted};
 use super::points::{PointObservation, TrackedPoint, check_points};
 use crate::geometry::{BoundingBox, CamFromWorld, Camera, Ellipse, OrientedBox, Projection};
+use crate::sorting::StableSort;
 
 /// A detection by names, unchecked, measured in the image as it is: what [`SceneBuilder::add_detection`] and
 /// [`crate::online::ObjectMap::observe`] take.
@@ -263,7 +264,7 @@ impl SceneBuilder {
             observations.extend(PointObservation::in_image(index as u32, frame.lens.as_ref(), pixel.into()));
         }
         // Stable: of several in a frame the first one stays.
-        observations.sort_by_key(|seen| seen.frame_index);
+        observations.stable_sort_by_key(|seen| seen.frame_index);
         observations.dedup_by_key(|seen| seen.frame_index);
         let added = TrackedPoint { position: position.into(), observations };
         check_points(std::slice::from_ref(&added), frames).map_err(|error| match error {

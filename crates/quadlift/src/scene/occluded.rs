@@ -7,6 +7,7 @@ use nalgebra::{Unit, Vector2, Vector3};
 use super::Scene;
 use super::parts::Detection;
 use crate::geometry::{BoundingBox, Projection};
+use crate::sorting::StableSort;
 
 /// A box reaches lower by more than this many pixels.
 const LOWER_PX: f64 = 1.0;
@@ -105,10 +106,10 @@ pub fn occluded_edges<F: Ord>(boxes: &[Option<(F, BoundingBox)>]) -> Vec<[bool; 
     let mut hidden = vec![[false; 4]; boxes.len()];
     let mut places: Vec<(usize, &F, &BoundingBox)> = Vec::with_capacity(boxes.len());
     places.extend(boxes.iter().enumerate().filter_map(|(k, place)| place.as_ref().map(|(frame, b)| (k, frame, b))));
-    places.sort_by_key(|(_, frame, _)| *frame);
+    places.stable_sort_by_key(|(_, frame, _)| *frame);
     for of_frame in places.chunk_by_mut(|a, b| a.1 == b.1).filter(|of_frame| of_frame.len() <= MAX_BOXES) {
         // From the lowest to the highest bottom edge in space, so that a box is hidden by earlier ones only.
-        of_frame.sort_by(|(.., a), (.., b)| b.y1.total_cmp(&a.y1));
+        of_frame.stable_sort_by(|(.., a), (.., b)| b.y1.total_cmp(&a.y1));
         for (k, (index, _, far)) in of_frame.iter().enumerate() {
             for (.., near) in &of_frame[..k] {
                 let overlap = far.y1.min(near.y1) - far.y0.max(near.y0);

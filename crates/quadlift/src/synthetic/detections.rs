@@ -11,6 +11,7 @@ use super::scene::SyntheticFrame;
 use super::tracks::{Tracked, tracks};
 use crate::geometry::{Body, BoundingBox, ConvexBody, Ellipse, Projection, project_bounding_box, project_ellipsoid};
 use crate::random;
+use crate::sorting::StableSort;
 
 /// Streams of the seed.
 const FIRST_NOISE_STREAM: u64 = 1;
@@ -112,7 +113,7 @@ pub(super) fn detect(
         let made = detector.false_boxes(in_frame, &all, projections.len(), image)?;
         others.extend(made.into_iter().map(|b| (frame, b)));
     }
-    others.sort_by_key(|&(frame, _)| frame);
+    others.stable_sort_by_key(|&(frame, _)| frame);
     for (frame, bounding_box) in others {
         let (bounding_box, ellipse) = measured(bounding_box);
         found.push(Found { frame, object: None, bounding_box, ellipse, is_outlier: false });

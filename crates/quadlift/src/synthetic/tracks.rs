@@ -6,6 +6,8 @@ use nalgebra::Vector2;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use crate::sorting::StableSort;
+
 /// A detection of a true object as the tracker meets it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Tracked {
@@ -27,7 +29,7 @@ pub(super) fn tracks(
     switches: f64,
     rng: &mut ChaCha8Rng,
 ) -> Vec<(usize, usize)> {
-    detections.sort_by_key(|d| (d.frame, d.object));
+    detections.stable_sort_by_key(|d| (d.frame, d.object));
     let mut track_of: BTreeMap<usize, usize> = BTreeMap::new();
     let mut next = 0;
     let mut tracks = Vec::with_capacity(detections.len());

@@ -6,6 +6,7 @@ use crate::tuning::WRONG_CATEGORY_SHARE;
 use nalgebra::{Vector2, Vector3};
 
 use crate::scene::{BORDER_TOLERANCE_PX, Scene, edges_at_border};
+use crate::sorting::StableSort;
 
 /// The smallest predicted size that a detector is expected to find, relative to the 2 % quantile of the sizes.
 pub(crate) const MIN_SIZE: f64 = 0.7;
@@ -62,7 +63,7 @@ impl Observations {
                 ..BoxObservation::new(frame, measured.edges(), cut, category)
             });
         }
-        boxes.sort_by(|a, b| {
+        boxes.stable_sort_by(|a, b| {
             a.frame.cmp(&b.frame).then(a.edges[0].total_cmp(&b.edges[0])).then(a.detection.cmp(&b.detection))
         });
         let mut cameras = Vec::with_capacity(scene.frames.len());

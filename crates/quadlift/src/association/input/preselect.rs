@@ -3,6 +3,7 @@
 use crate::association::options::{AssociateError, AssociateOptions};
 use crate::geometry::BoundingBox;
 use crate::scene::{Scene, SkippedDetections};
+use crate::sorting::StableSort;
 
 /// The selected detections (indices into the scene, ascending) and the numbers of skipped ones, by reason.
 pub(crate) fn select(
@@ -46,7 +47,7 @@ fn without_duplicates(scene: &Scene, mut indices: Vec<usize>, limit: f64) -> Vec
         let detection = &scene.detections[index];
         (detection.frame_index, detection.category_index)
     };
-    indices.sort_by(|&a, &b| {
+    indices.stable_sort_by(|&a, &b| {
         let ((score_a, area_a), (score_b, area_b)) = (rank(a), rank(b));
         let best_first = score_b.total_cmp(&score_a).then(area_b.total_cmp(&area_a)).then(a.cmp(&b));
         group(a).cmp(&group(b)).then(best_first)

@@ -4,6 +4,8 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::range_tree::{Part, RangeTree};
 
+use crate::sorting::StableSort;
+
 /// Squared Mahalanobis distance of a box's middle from the predicted one, at most.
 pub(crate) const SQUARED_GATE: f64 = 25.0;
 
@@ -95,7 +97,7 @@ impl Expected {
 impl FreeBoxes {
     /// Of some boxes.
     pub(crate) fn new(mut boxes: Vec<Free>) -> Self {
-        boxes.sort_by(|a, b| a.center.x.total_cmp(&b.center.x));
+        boxes.stable_sort_by(|a, b| a.center.x.total_cmp(&b.center.x));
         let tree = if boxes.len() < MIN_INDEXED {
             RangeTree::default()
         } else {

@@ -9,6 +9,7 @@ use crate::association::score::rays::{Sphere, center_covariance, pair_sphere, tr
 use crate::association::score::scene_statistics::SceneStatistics;
 use crate::association::score::sphere_score::{Score, SphereScorer};
 use crate::parallel::map_indices;
+use crate::sorting::StableSort;
 
 /// Maximum number of kept spheres per box.
 const KEPT: usize = 3;
@@ -191,7 +192,7 @@ fn best_spheres(scorer: &SphereScorer, index: usize, spheres: &[(f64, u32, Spher
 
 /// Keeps the best one of nearly identical spheres, with their categories; the best comes first.
 fn distinct(observations: &Observations, mut births: Vec<Birth>) -> Vec<(Birth, usize)> {
-    births.sort_by(|a, b| b.score.total_cmp(&a.score));
+    births.stable_sort_by(|a, b| b.score.total_cmp(&a.score));
     let mut seen = HashSet::new();
     let mut kept = Vec::new();
     for birth in births {

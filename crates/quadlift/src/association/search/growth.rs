@@ -17,6 +17,7 @@ use crate::association::score::object::{Object, is_visible};
 use crate::association::score::rays::{PairSphere, Sphere, pair_sphere};
 use crate::association::score::scene_statistics::SceneStatistics;
 use crate::optimize::matching::{Pair, best_pairs};
+use crate::sorting::StableSort;
 
 /// Number of previous frames in which an unassigned box searches for a partner.
 const WINDOW: usize = 12;
@@ -280,7 +281,7 @@ impl Growth<'_> {
                 pairs.extend(pair.map(|pair| (pair.disagreement, new, old, pair.sphere)));
             }
         }
-        pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        pairs.stable_sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
         let mut used = HashSet::new();
         for (_, new, old, sphere) in pairs {
             if used.contains(&new) || used.contains(&old) {

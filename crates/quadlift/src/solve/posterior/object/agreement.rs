@@ -13,6 +13,7 @@ use crate::solve::estimate::GoodnessOfFit;
 use crate::solve::options::PosteriorOptions;
 use crate::solve::posterior::noise::groups::NoiseGroup;
 use crate::solve::posterior::noise::levels::NoiseLevels;
+use crate::sorting::StableSort;
 
 /// The reference for normalized residuals: the noise levels times this factor.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,7 +76,7 @@ pub(crate) fn median_level(goodness: impl Iterator<Item = GoodnessOfFit>) -> f64
 
 /// The median of values with weights; `None` without any.
 pub(crate) fn weighted_median(values: &mut [(f64, f64)]) -> Option<f64> {
-    values.sort_by(|a, b| a.0.total_cmp(&b.0));
+    values.stable_sort_by(|a, b| a.0.total_cmp(&b.0));
     let half = 0.5 * values.iter().map(|(_, weight)| weight).sum::<f64>();
     let mut sum = 0.0;
     let median = values.iter().find(|(_, weight)| {

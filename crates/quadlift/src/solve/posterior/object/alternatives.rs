@@ -20,6 +20,7 @@ use crate::solve::estimate::{Alternative, Covariance, CovarianceCoordinates, Est
 use crate::solve::posterior::context::PosteriorContext;
 use crate::solve::posterior::noise::levels::NoiseLevels;
 use crate::solve::posterior::shared::SharedErrors;
+use crate::sorting::StableSort;
 
 /// Maximum number of alternatives that are refined and reported.
 const MAX_ALTERNATIVES: usize = 3;
@@ -105,7 +106,7 @@ impl Fit {
                 found.push((Alternative { body, log_odds }, Other { model, equations }));
             }
         }
-        found.sort_by(|(a, _), (b, _)| b.log_odds.total_cmp(&a.log_odds));
+        found.stable_sort_by(|(a, _), (b, _)| b.log_odds.total_cmp(&a.log_odds));
         found
     }
 }

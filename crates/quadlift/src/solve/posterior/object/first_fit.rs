@@ -12,6 +12,7 @@ use crate::geometry::BodyKind;
 use crate::optimize::levenberg_marquardt::{Stop, minimize};
 use crate::optimize::normal_equations::NormalEquations;
 use crate::solve::posterior::noise::levels::NoiseLevels;
+use crate::sorting::StableSort;
 
 /// Position and size for a start with a given rotation.
 const IN_PLACE: Stop = Stop { evaluations: 4, min_predicted_decrease: 1.0 };
@@ -90,7 +91,7 @@ pub(crate) fn descended(
     let held = |body: &Model| objective.linearize(body).map(NormalEquations::with_held_rotation);
     let in_place = |start| minimize(start, IN_PLACE, held, BodyModel::retract);
     let mut placed: Vec<_> = starts.into_iter().map(Model::Oriented).filter_map(in_place).collect();
-    placed.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+    placed.stable_sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
     placed.truncate(turned);
     turned_too(objective, placed.into_iter().map(|(start, _)| start))
 }
@@ -98,7 +99,7 @@ pub(crate) fn descended(
 fn turned_too(objective: &Objective, starts: impl Iterator<Item = Model>) -> Vec<(Model, NormalEquations)> {
     let descend = |start| minimize(start, SCREENING, |body| objective.linearize(body), BodyModel::retract);
     let mut descended: Vec<_> = starts.filter_map(descend).collect();
-    descended.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+    descended.stable_sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
     descended
 }
 

@@ -16,6 +16,7 @@ use crate::solve::posterior::noise::groups::NoiseGroup;
 use crate::solve::posterior::noise::levels::NoiseLevels;
 use crate::solve::posterior::residuals::measurements::Measurements;
 use crate::solve::posterior::residuals::row::MIN_DEPTH;
+use crate::sorting::StableSort;
 
 /// A view whose squared residual is this many times the median view's makes a plain fit suspect. Gaussian residuals of
 /// four edges and 20 views exceed it now and then, so it only asks for a closer look.
@@ -77,7 +78,7 @@ pub(crate) fn fit_without_outliers(
             }
         }
         hypotheses.retain(|(consensus, _)| consensus.score.is_finite());
-        hypotheses.sort_by(|a, b| a.0.order(&b.0));
+        hypotheses.stable_sort_by(|a, b| a.0.order(&b.0));
         hypotheses.truncate(REFINED);
     };
     draw(FIRST_HYPOTHESES, &mut hypotheses);
@@ -117,7 +118,7 @@ fn order_of_cameras(tangents: &Measurements) -> Vec<usize> {
     let direction = Vector3::new(0.618_034, 0.414_214, 0.732_051);
     let places: Vec<(f64, f64)> = tangents.views.iter().map(|view| (view.axis.dot(&direction), view.offset)).collect();
     let mut order: Vec<usize> = (0..places.len()).collect();
-    order.sort_by(|&a, &b| places[a].0.total_cmp(&places[b].0).then(places[a].1.total_cmp(&places[b].1)));
+    order.stable_sort_by(|&a, &b| places[a].0.total_cmp(&places[b].0).then(places[a].1.total_cmp(&places[b].1)));
     order
 }
 

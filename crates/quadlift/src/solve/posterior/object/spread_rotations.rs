@@ -5,6 +5,7 @@ use std::sync::LazyLock;
 use nalgebra::{Matrix3, UnitQuaternion};
 
 use crate::geometry::rotation::rotation_of_cube;
+use crate::sorting::StableSort;
 
 /// Rotations of a round, and rounds that have their own.
 const OF_EACH_ROUND: usize = 16;
@@ -44,7 +45,7 @@ fn evenly(k: usize) -> UnitQuaternion<f64> {
 /// cube: those have the quaternions `(1, 0, 0, 0)`, `(1, 1, 0, 0) / sqrt 2` and `(1, 1, 1, 1) / 2` with any order and signs.
 fn nearness(from: &UnitQuaternion<f64>, to: &UnitQuaternion<f64>) -> f64 {
     let mut turn: [f64; 4] = (from.inverse() * to).coords.abs().into();
-    turn.sort_by(|a, b| b.total_cmp(a));
+    turn.stable_sort_by(|a, b| b.total_cmp(a));
     let [a, b, c, d] = turn;
     a.max((a + b) * std::f64::consts::FRAC_1_SQRT_2).max(0.5 * (a + b + c + d))
 }

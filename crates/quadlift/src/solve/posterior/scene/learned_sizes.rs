@@ -7,6 +7,7 @@ use crate::solve::learned_size::LearnedCategorySize;
 use crate::solve::posterior::context::PosteriorContext;
 use crate::solve::posterior::object::fit::Fit;
 use crate::solve::posterior::shared::size_model::{LearnedSizes, SizeDistribution, SizeInformation};
+use crate::sorting::StableSort;
 
 /// The sizes of the categories of a scene; ellipsoids and cuboids of one category have different extents, so that each kind of
 /// body has its own.
@@ -37,7 +38,7 @@ impl SceneSizes {
                 keys.push(key);
             }
         }
-        keys.sort_by_key(|(category, _)| *category);
+        keys.stable_sort_by_key(|(category, _)| *category);
         for key in keys {
             let members: Vec<_> = objects.iter().filter(|(_, fit, _)| group_of(fit) == Some(key)).collect();
             // Where all stand their vertical axes are their heights.

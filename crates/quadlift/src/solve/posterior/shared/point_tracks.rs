@@ -8,6 +8,7 @@ use super::pose_unknowns::PoseUnknowns;
 use crate::geometry::Projection;
 use crate::parallel::map_indices;
 use crate::scene::{PointObservation, Scene, TrackedPoint};
+use crate::sorting::StableSort;
 
 /// Largest angle between two rays of a point, below which it is left out (1.5 degrees, as COLMAP's `filter_min_tri_angle`).
 const MIN_PARALLAX: f64 = 1.5 / 180.0 * std::f64::consts::PI;
@@ -40,7 +41,7 @@ pub(super) fn choose_tracks(scene: &Scene, unknowns: &PoseUnknowns) -> Vec<Track
         scene.frames.iter().map(|frame| frame.projection.m().try_inverse()).collect();
     let has_parallax = map_indices(parts.len(), |k| parallax(&parts[k].1, &directions) >= MIN_PARALLAX);
     let mut order: Vec<usize> = (0..parts.len()).filter(|k| has_parallax[*k]).collect();
-    order.sort_by_key(|k| std::cmp::Reverse(parts[*k].1.len()));
+    order.stable_sort_by_key(|k| std::cmp::Reverse(parts[*k].1.len()));
     let mut shown: BTreeMap<u32, usize> = BTreeMap::new();
     order.retain(|k| {
         let seen = &parts[*k].1;
@@ -68,7 +69,7 @@ fn parts_of(
     unknowns: &PoseUnknowns,
 ) -> Vec<(Point3<f64>, Vec<PointObservation>)> {
     let mut seen = point.observations.clone();
-    seen.sort_by_key(|seen| unknowns.time_step(seen.frame_index as usize));
+    seen.stable_sort_by_key(|seen| unknowns.time_step(seen.frame_index as usize));
     let mut parts: Vec<Vec<PointObservation>> = Vec::new();
     let mut first = 0;
     for seen in seen {

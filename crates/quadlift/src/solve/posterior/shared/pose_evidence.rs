@@ -8,6 +8,7 @@ use super::pose_prior::{PoseLevels, PosePrior};
 use super::pose_system::{MAX_STEP, PoseEquations, PoseSystem};
 use super::pose_terms::{Motion, SceneTerms};
 use crate::parallel::map_indices;
+use crate::sorting::StableSort;
 use crate::tuning::CLEAR;
 
 /// Steps of the levels under the same equations, at most; the relative change below which they stand, and the number of parameters of the
@@ -97,7 +98,7 @@ impl PosePrior {
         let mut found: Vec<_> =
             found.into_iter().filter(|(_, found)| found.evidence > most - MAX_LOG_EVIDENCE_GAP).collect();
         // Stable: of equal ones the errors that last shortest.
-        found.sort_by(|(_, a), (_, b)| b.evidence.total_cmp(&a.evidence));
+        found.stable_sort_by(|(_, a), (_, b)| b.evidence.total_cmp(&a.evidence));
         let next = |(before, PoseNoiseHypothesis { levels, .. }): (PoseLevels, PoseNoiseHypothesis)| match (
             self.estimated,
             starts,

@@ -14,6 +14,7 @@ use crate::optimize::student_t::StudentT;
 use crate::parallel::map_indices;
 use crate::scene::{PointObservation, Scene};
 use crate::solve::pose_points_report::PosePointsReport;
+use crate::sorting::StableSort;
 
 /// The distribution of the errors of an observation, both components together; degrees of freedom as of boxes (section 5.3).
 const DOF: f64 = 5.0;
@@ -170,7 +171,7 @@ impl PosePoints {
             let free: f64 = seen.iter().map(|seen| seen.free).sum();
             let left = (1.0 - 0.5 * taken / free).max(MIN_FREEDOM);
             seen.iter_mut().for_each(|seen| seen.square /= left);
-            seen.sort_by(|a, b| a.square.total_cmp(&b.square));
+            seen.stable_sort_by(|a, b| a.square.total_cmp(&b.square));
             let mut level = (seen[seen.len() / 2].square / MEDIAN_OF_TWO).sqrt().max(MIN_LEVEL);
             for _ in 0..LEVEL_STEPS {
                 let weighted =
@@ -308,7 +309,7 @@ fn terms(
         term.coupling *= calibration.curvature;
         frames.push(term);
     }
-    frames.sort_by_key(|term| term.frame);
+    frames.stable_sort_by_key(|term| term.frame);
     let eigenvalues = normal.symmetric_eigenvalues();
     if eigenvalues.min() < MIN_CONDITION * eigenvalues.max() {
         return None;

@@ -7,6 +7,7 @@ use super::pose_prior::PoseLevels;
 use super::pose_terms::{Motion, PoseTerms, SceneTerms};
 use crate::optimize::normal_equations::PARAMETERS;
 use crate::solve::options::PoseNoise;
+use crate::sorting::StableSort;
 
 /// Block multiplications of one factor, at most. With more (thousands of frames that all see the same objects) frames are divided into
 /// segments, whose factors precondition conjugate gradients; covariances are then those within a segment.
@@ -177,7 +178,7 @@ impl<const N: usize> Coupling<N> {
             right[k] -= term.gradient + term.coupling * terms.step;
             motions.push((k, term.coupling * root));
         }
-        motions.sort_by_key(|(k, _)| *k);
+        motions.stable_sort_by_key(|(k, _)| *k);
         for ((row, column), block) in &terms.cross {
             let (row, column) = (place(row), place(column));
             if row / segment == column / segment {
