@@ -1,7 +1,7 @@
 //! The default estimator on whole synthetic scenes: clean, noisy and with outliers, with refined poses, with depths, 3D boxes and
 //! outlines, and with many views.
 //!
-//! `cargo bench -p quadlift-bench --features timings --bench map`. One thread: `RAYON_NUM_THREADS=1`. Times are per scene
+//! `cargo bench -p quadlift-bench --features timings --bench posterior`. One thread: `RAYON_NUM_THREADS=1`. Times are per scene
 //! of 50 objects.
 
 #![allow(missing_docs, clippy::unwrap_used)]

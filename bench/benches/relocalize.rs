@@ -1,6 +1,6 @@
 //! The median time in which the camera of an image is found in a map of 30 objects of many or few categories.
 //!
-//! `cargo bench -p quadlift-bench --features timings --bench locate`
+//! `cargo bench -p quadlift-bench --features timings --bench relocalize`
 
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout)]
 

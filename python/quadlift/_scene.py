@@ -379,7 +379,7 @@ class Estimates(EstimateArrays):
         there are too few objects. The center is that of the reported body.
     skipped : dict
         Numbers of skipped detections: `without_object`, `occluded_or_truncated`, `beyond_lens` (where the lens cannot
-        be undistorted), `without_measurement` (without the measurement that `observations` selects).
+        be undistorted), `without_measurement` (without the measurement that `measurement` selects).
     diagnosis : dict
         The consistency check: `consistent` (None if it was not checked, as no object has two boxes), `score` (the
         typical distance by which boxes miss their object, in half sizes; None if not checked) and `causes`, the common

@@ -1,5 +1,5 @@
 //! Depths and 3D boxes of single images beside boxes (ours): simulated on synthetic scenes and on KITTI; depths with a scale in each
-//! frame, and with a shift; points of structure from motion; outlines and turned boxes: simulated, on rendered scenes and on real images;
+//! frame, and with a shift; points of structure from motion; outlines and oriented boxes: simulated, on rendered scenes and on real images;
 //! sizes that are learned from the scene.
 
 mod frame_scales;

@@ -1,4 +1,4 @@
-//! Synthetic scenes: outlines and turned boxes beside boxes, in 2 to 20 views.
+//! Synthetic scenes: outlines and oriented boxes beside boxes, in 2 to 20 views.
 
 use quadlift::geometry::{
     Body, BodyKind, Ellipse, Ellipsoid, OrientedBox, OutlineEnd, TangentLines, project_ellipsoid,
@@ -32,7 +32,7 @@ const CORNERS: usize = 64;
 /// Highest harmonic of the errors of an outline: size (0), place (1), elongation (2).
 const HARMONICS: usize = 3;
 
-/// Standard deviation of the angle of a turned box, radians.
+/// Standard deviation of the angle of an oriented box, radians.
 const ANGLE_NOISE: f64 = 0.05;
 
 /// A normal random number (Box and Muller).
@@ -64,7 +64,7 @@ fn outline(ellipse: &Ellipse, rng: &mut ChaCha8Rng) -> Vec<(Vector2<f64>, Outlin
     (0..CORNERS).map(corner).collect()
 }
 
-/// A turned box along the axes of an ellipse, with errors of its angle and of its sides.
+/// An oriented box along the axes of an ellipse, with errors of its angle and of its sides.
 fn turned_box(ellipse: &Ellipse, rng: &mut ChaCha8Rng) -> Option<OrientedBox> {
     let unit = ellipse.bounding_box().mean_half_size();
     let angle = ellipse.angle() + ANGLE_NOISE * normal(rng);

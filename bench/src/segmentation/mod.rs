@@ -279,7 +279,7 @@ impl ImageSet {
     }
 }
 
-/// The scene without the supporting lines of masks.
+/// The scene without the tangent lines of masks.
 fn without_lines(scene: &TrueScene) -> Result<TrueScene, Error> {
     let mut parts = scene.scene.clone().into_parts();
     parts.detections.iter_mut().for_each(|detection| detection.tangent_lines = None);

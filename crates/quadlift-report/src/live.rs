@@ -215,7 +215,7 @@ fn category(object: &MapObject) -> Option<String> {
     object.categories.first().and_then(|(category, _)| category.clone())
 }
 
-/// The corners of an outline or a turned box, and the first one again.
+/// The corners of an outline or an oriented box, and the first one again.
 fn closed_shape(shape: &Shape) -> Option<Vec<Vector2<f64>>> {
     let mut corners: Vec<Vector2<f64>> = match (shape.outline, &shape.oriented_box) {
         (Some(outline), _) => outline.iter().copied().map(Vector2::from).collect(),

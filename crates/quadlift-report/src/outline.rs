@@ -36,7 +36,7 @@ pub(crate) fn ellipse_points(ellipse: &Ellipse) -> Vec<Vector2<f64>> {
     (0..POINTS).map(point).collect()
 }
 
-/// The closed polygon of the supporting lines of an outline or a turned box.
+/// The closed polygon of the tangent lines of an outline or an oriented box.
 pub(crate) fn support_polygon(lines: &TangentLines) -> Vec<Vector2<f64>> {
     let lines: Vec<_> = lines.lines().collect();
     let corner = |k: usize| {
@@ -58,7 +58,7 @@ fn rotation(angle: f64) -> Matrix2<f64> {
     Matrix2::new(cos, -sin, sin, cos)
 }
 
-/// The polygon of supporting lines of the outline of a convex body: the sides of its box in the image and in rotated
+/// The polygon of tangent lines of the outline of a convex body: the sides of its box in the image and in rotated
 /// images.
 fn tangent_polygon(projection: &Projection, body: &Body) -> Option<Vec<Vector2<f64>>> {
     let turns = POINTS / 4;

@@ -97,7 +97,7 @@ pub struct RecordingFrame {
     pub boxes: Vec<RecordingBox>,
     /// The detected ellipses.
     pub ellipses: Vec<RecordingOutline>,
-    /// Detected outlines and turned boxes, as the polygons of the lines that the estimator uses.
+    /// Detected outlines and oriented boxes, as the polygons of the lines that the estimator uses.
     pub detected_outlines: Vec<RecordingOutline>,
     /// The 3D boxes of the detections that have a center, a size and a rotation.
     pub boxes3d: Vec<RecordingBox3d>,

@@ -47,7 +47,7 @@ impl FrameMasks {
         Contacts::of(mask, image_size, |x, y| self.is_covered_by_others(mask, x, y), TOUCHING)
     }
 
-    /// The supporting lines of one of the masks, undistorted with a lens model: cut off at the image border if its size
+    /// The tangent lines of one of the masks, undistorted with a lens model: cut off at the image border if its size
     /// is known, hidden at other masks. `None` for an empty mask, and if the lens has no pinhole pixels for it.
     pub fn tangent_lines(
         &self,

@@ -75,7 +75,7 @@ tuned! {
     /// Correlation between neighboring views from which many views count no more than few: there the body is wrong in a way
     /// that they share. Tuned on KITTI, whose correlations are .1 (S05) and .35 to .9 (the others).
     CORRELATED_FROM = 0.3;
-    /// How much noisier hidden edges usually are, and the degrees of freedom for which that counts.
+    /// How much noisier occluded edges usually are, and the degrees of freedom for which that counts.
     OCCLUDED_RATIO = 2.0;
     /// How probable any other level is, relative to the usual one (per logarithm): detectors do not differ much, but boxes may
     /// come from elsewhere. See `TEMPERING` (`noise`).

@@ -347,10 +347,10 @@ fn images() -> Vec<Case> {
         rendered("a mask of a single pixel", 1, MASKS, |scene, _| {
             scene["detections"][3]["mask"] = json!({"rle": {"size": [120, 160], "counts": [100, 1, 19099]}});
         }),
-        rendered("masks as observations where there are none", 1, LOCALIZE_MASKS, |scene, _| {
+        rendered("masks as measurements where there are none", 1, LOCALIZE_MASKS, |scene, _| {
             every(scene, "detections", |d| without(d, "mask"));
         }),
-        rendered("masks as observations, one of them missing", 1, LOCALIZE_MASKS, |_, folder| {
+        rendered("masks as measurements, one of them missing", 1, LOCALIZE_MASKS, |_, folder| {
             std::fs::remove_file(folder.path("masks/000001.png")).unwrap();
         }),
         called("masks for a closed form of ellipses", 2, "localize scene.json --measurement mask --method lfd"),

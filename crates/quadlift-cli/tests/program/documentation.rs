@@ -7,14 +7,15 @@ use std::path::{Path, PathBuf};
 
 use crate::common::Folder;
 
-fn workspace() -> PathBuf {
+pub(crate) fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
 /// The pages for users and developers, with their texts.
-fn pages() -> Vec<(PathBuf, String)> {
-    let mut folders =
-        ["", "docs", "docs/formats", "docs/method", "python"].map(|folder| workspace().join(folder)).to_vec();
+pub(crate) fn pages() -> Vec<(PathBuf, String)> {
+    let mut folders = ["", "bench", "docs", "docs/formats", "docs/method", "docs/results", "python"]
+        .map(|folder| workspace().join(folder))
+        .to_vec();
     folders.extend(std::fs::read_dir(workspace().join("crates")).unwrap().map(|entry| entry.unwrap().path()));
     let mut paths = Vec::new();
     for folder in folders {

@@ -46,7 +46,7 @@ fn turned_boxes_keep_their_angles_in_a_log() {
     folder.succeed("synth -q -o made.json --objects 4 --views 5 --seed 1 --cues outline,oriented_box");
     let mut scene = folder.json("made.json");
     scene["length_unit"] = json!("m");
-    // A turned box, a box, or an outline alone, of which the box around is written.
+    // An oriented box, a box, or an outline alone, of which the box around is written.
     for (k, detection) in scene["detections"].as_array_mut().unwrap().iter_mut().enumerate() {
         let dropped = [["box", "outline"], ["outline", "oriented_box"], ["box", "oriented_box"]][k % 3];
         dropped.iter().for_each(|name| drop(detection.as_object_mut().unwrap().remove(*name)));

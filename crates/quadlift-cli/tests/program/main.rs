@@ -21,6 +21,7 @@ mod logs;
 mod method;
 #[cfg(unix)]
 mod outputs;
+mod page_commands;
 mod points;
 mod python_options;
 mod real_data;

@@ -1,4 +1,5 @@
-//! `docs/method.md` and its tables of constants name files, constants and values as they are.
+//! `docs/method.md` and its tables of constants name files, constants and values as they are, in its prose, too:
+//! `docs/method/prose.csv` has the words around each number that is a constant.
 
 use std::fs::{read_dir, read_to_string};
 use std::path::{Path, PathBuf};
@@ -95,4 +96,65 @@ fn constants_are_those_of_the_code() {
         count += 1;
     }
     assert!(count > 20, "{count}");
+}
+
+/// A number as prose and code write it: `2.5 %`, `\\ln 100`, `third`, `1.5 degrees`, `1.0 / 3.0`, `20_000`.
+fn number(text: &str) -> f64 {
+    const WORDS: [(&str, f64); 12] = [
+        ("half", 0.5),
+        ("third", 1.0 / 3.0),
+        ("quarter", 0.25),
+        ("fifth", 0.2),
+        ("tenth", 0.1),
+        ("one", 1.0),
+        ("two", 2.0),
+        ("three", 3.0),
+        ("four", 4.0),
+        ("five", 5.0),
+        ("six", 6.0),
+        ("ten", 10.0),
+    ];
+    if let Some(rest) = text.strip_prefix("\\ln ") {
+        return number(rest).ln();
+    }
+    if let Some(rest) = text.strip_suffix('%') {
+        return number(rest.trim_end_matches([' ', '\\'])) / 100.0;
+    }
+    if let Some(degrees) =
+        [" degrees", " degree", " / 180.0 * std::f64::consts::PI"].iter().find_map(|unit| text.strip_suffix(unit))
+    {
+        return number(degrees).to_radians();
+    }
+    if let Some((of, parts)) = text.split_once(" / ") {
+        return number(of) / number(parts);
+    }
+    let word = WORDS.iter().find(|(word, _)| *word == text).map(|(_, number)| *number);
+    word.unwrap_or_else(|| text.replace([',', '_'], "").parse().unwrap_or_else(|_| panic!("{text} is no number")))
+}
+
+#[test]
+fn numbers_in_the_prose_are_those_of_the_code() {
+    let constants: Vec<_> =
+        read_to_string(root().join("docs/method/constants.csv")).unwrap().lines().skip(1).map(cells).collect();
+    let page = in_one_line(&read_to_string(root().join("docs/method.md")).unwrap());
+    let rows: Vec<_> =
+        read_to_string(root().join("docs/method/prose.csv")).unwrap().lines().skip(1).map(cells).collect();
+    for row in &rows {
+        let [name, file, phrase] = &row[..] else { panic!("docs/method/prose.csv: {row:?}") };
+        let shown = phrase.replace(['<', '>'], "");
+        let times = page.matches(&shown).count();
+        assert_eq!(times, 1, "docs/method.md has {times} times \"{shown}\", with {name} of {file}");
+        let constant = constants.iter().find(|row| row[0] == *name && row[2] == *file);
+        let value = &constant.unwrap_or_else(|| panic!("docs/method/constants.csv has not {name} of {file}"))[1];
+        let in_code: Vec<f64> = value.trim_matches(['[', ']']).split(", ").map(number).collect();
+        let in_prose: Vec<f64> =
+            phrase.split('<').skip(1).filter_map(|rest| rest.split_once('>')).map(|(text, _)| number(text)).collect();
+        // Prose rounds ln 100 and a degree less than the code.
+        let agree = |(a, b): (&f64, &f64)| (a - b).abs() <= 3e-3 * a.abs();
+        assert!(
+            in_code.len() == in_prose.len() && in_code.iter().zip(&in_prose).all(agree),
+            "docs/method.md: \"{shown}\", but {name} of {file} is {value}"
+        );
+    }
+    assert!(rows.len() > 150, "{}", rows.len());
 }

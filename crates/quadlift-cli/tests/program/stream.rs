@@ -142,7 +142,7 @@ fn outlines_turned_boxes_and_scales_of_frames_reach_the_map_and_the_estimates() 
     );
     let mut scene = folder.json("scene.json");
     scene["cue_sources"] = json!({"depth": {"scale": "frame"}});
-    // An outline, a turned box, or an outline beside a box.
+    // An outline, an oriented box, or an outline beside a box.
     for (k, detection) in scene["detections"].as_array_mut().unwrap().iter_mut().enumerate() {
         let dropped = [["box", "oriented_box"], ["box", "outline"], ["oriented_box", "oriented_box"]][k % 3];
         dropped.iter().for_each(|name| drop(detection.as_object_mut().unwrap().remove(*name)));

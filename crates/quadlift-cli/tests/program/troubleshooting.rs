@@ -95,7 +95,7 @@ const MESSAGES: [(&str, &[&str]); 4] = [
         "Images, outputs, evaluation",
         &[
             "an image of another size than the camera's",
-            "masks as observations where there are none",
+            "masks as measurements where there are none",
             "an output that is the scene",
             "a result in another format",
             "a truth without objects",

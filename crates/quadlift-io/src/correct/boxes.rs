@@ -1,4 +1,4 @@
-//! Boxes, turned boxes, ellipses and polygons of detections, corrected.
+//! Boxes, oriented boxes, ellipses and polygons of detections, corrected.
 
 use std::collections::HashMap;
 
@@ -9,7 +9,7 @@ use quadlift::geometry::{Ellipse, OrientedBox};
 use crate::error::EntryError;
 use crate::scene_file::{DetectionRecord, SceneFile};
 
-/// Corrects the boxes, turned boxes, ellipses, outlines and polygons of all detections; returns their number. Label images and RLE are not
+/// Corrects the boxes, oriented boxes, ellipses, outlines and polygons of all detections; returns their number. Label images and RLE are not
 /// changed: they have their own size.
 pub(super) fn correct(file: &mut SceneFile, correction: &Correction) -> Result<usize, EntryError> {
     let needs_size = correction.pixel_map(None).is_none();
@@ -95,7 +95,7 @@ fn map(
     Ok(())
 }
 
-/// Maps the box, the ellipse, the turned box and the points of masks and outlines.
+/// Maps the box, the ellipse, the oriented box and the points of masks and outlines.
 fn map_pixels(record: &mut DetectionRecord, map: &PixelMap) {
     if let Some(edges) = &mut record.bounding_box {
         *edges = map.edges(*edges);

@@ -260,7 +260,7 @@ pub struct DetectionRecord {
     /// Corners of the outline in pixels, a polygon.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "numbers::optional_lists")]
     pub outline: Option<Box<[[f64; 2]]>>,
-    /// Turned box.
+    /// Oriented box.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub oriented_box: Option<Box<OrientedBoxRecord>>,
     /// Mask.
@@ -312,7 +312,7 @@ impl From<Ellipse> for EllipseRecord {
     }
 }
 
-/// A turned box in an image.
+/// An oriented box in an image.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(expecting = "an object {...}")]
 pub struct OrientedBoxRecord {

@@ -1,4 +1,4 @@
-//! From masks to the supporting lines of detections, for `posterior` and `planes`.
+//! From masks to the tangent lines of detections, for `posterior` and `planes`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,7 +12,7 @@ use crate::error::{EntryError, ReadError};
 
 impl SceneFile {
     /// Reads the masks of the detections of one source (of all without one) and gives the scene's detections their
-    /// supporting lines ([`FrameMasks::tangent_lines`]). The scene must be that of this file ([`Self::to_scene`]), and
+    /// tangent lines ([`FrameMasks::tangent_lines`]). The scene must be that of this file ([`Self::to_scene`]), and
     /// `path` is the file's. Unreliable masks of `quadlift segment` (`fallback`) are skipped. `progress` is called
     /// with the number of frames done and their total.
     ///

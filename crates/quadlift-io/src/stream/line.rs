@@ -297,7 +297,7 @@ impl Members {
     }
 }
 
-/// The frames of a scene with the detections of one source (all where it is `None`) that have a box, an outline, a turned box or an ellipse, in the order of their times; frames of
+/// The frames of a scene with the detections of one source (all where it is `None`) that have a box, an outline, an oriented box or an ellipse, in the order of their times; frames of
 /// the same time stay in the order of the file. Where not every frame has a time, it is the index of the frame, or of its rig's
 /// frame. `scene` is that of the file.
 pub fn scene_to_frames(file: SceneFile, scene: &Scene, source: Option<u32>) -> (AboutRecord, Vec<FrameLine>) {

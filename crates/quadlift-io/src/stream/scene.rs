@@ -374,7 +374,7 @@ fn shortest(x: f64) -> f64 {
     (x as f32).to_string().parse().unwrap_or(x)
 }
 
-/// A turned box in such numbers.
+/// An oriented box in such numbers.
 fn short_turned(turned: OrientedBox) -> OrientedBoxRecord {
     let record = OrientedBoxRecord::from(turned);
     let (center, size) = (record.center.map(shortest), record.size.map(shortest));

@@ -108,10 +108,10 @@ fn check_checksum(path: &Path, text: &str) -> Result<(), ReadError> {
 /// [`ReadError`] when the file cannot be read, when it is none of this version, when it is damaged, or when an option differs.
 pub fn read_state_file(
     path: &Path,
-    posterior_options: OnlineOptions,
+    map_options: OnlineOptions,
     options: &Map<String, Value>,
 ) -> Result<StreamState, ReadError> {
-    parse_state_file(path, &read_bytes(path)?, posterior_options, options)
+    parse_state_file(path, &read_bytes(path)?, map_options, options)
 }
 
 /// The state in the bytes of a file; the path only serves for messages.
@@ -121,7 +121,7 @@ pub fn read_state_file(
 pub fn parse_state_file(
     path: &Path,
     bytes: &[u8],
-    posterior_options: OnlineOptions,
+    map_options: OnlineOptions,
     options: &Map<String, Value>,
 ) -> Result<StreamState, ReadError> {
     let error = |problem: String| ReadError::new(path, problem);
@@ -138,7 +138,7 @@ pub fn parse_state_file(
             )));
         }
     }
-    let map = ObjectMap::from_state(posterior_options, record.map).map_err(|problem| error(problem.to_string()))?;
+    let map = ObjectMap::from_state(map_options, record.map).map_err(|problem| error(problem.to_string()))?;
     let scene = StreamedScene::from_parts(record.about, record.frames, record.given, record.unnamed_cameras)
         .map_err(|problem| problem.in_file(path))?;
     Ok(StreamState { map, scene, poses_since: record.poses_since })

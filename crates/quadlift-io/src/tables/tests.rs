@@ -105,7 +105,7 @@ fn numbers_that_other_programs_look_for_stand_in_columns_of_their_own() {
     }
 }
 
-/// Before they had columns, outlines and turned boxes were among the unknown fields.
+/// Before they had columns, outlines and oriented boxes were among the unknown fields.
 #[test]
 fn outlines_of_older_tables_are_read() {
     let folder = tempfile::tempdir().unwrap();

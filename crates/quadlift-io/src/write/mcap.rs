@@ -27,7 +27,7 @@ const TEXT: i32 = 9;
 const ADD: i32 = 0;
 const DELETE_ALL: i32 = 3;
 
-/// Center, angle, width and height of the box of a detection: the turned box, or else the box, or that around the outline.
+/// Center, angle, width and height of the box of a detection: the oriented box, or else the box, or that around the outline.
 fn box_of(detection: &DetectionRecord) -> Option<[f64; 5]> {
     if let (Some(turned), None) = (&detection.oriented_box, &detection.outline) {
         return Some([turned.center[0], turned.center[1], turned.angle, turned.size[0], turned.size[1]]);

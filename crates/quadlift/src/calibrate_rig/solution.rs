@@ -63,7 +63,7 @@ pub(super) struct Solution {
     pub cost: f64,
     /// Cameras that have a place.
     pub placed: Vec<bool>,
-    /// Things that have shapes of their own.
+    /// What the unit of the world comes from.
     pub scale: RigScale,
 }
 

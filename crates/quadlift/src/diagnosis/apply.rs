@@ -10,7 +10,7 @@ use crate::scene::Scene;
 impl Correction {
     /// The corrected scene. Detections without a frame or a measurement are dropped; lenses are not changed
     /// (measurements undistorted with wrong intrinsics are not undistorted again). Depths and 3D boxes stay where they are in the
-    /// frame of the camera; their lengths are in the world's unit. Where the box changes, the supporting lines of an outline are
+    /// frame of the camera; their lengths are in the world's unit. Where the box changes, the tangent lines of an outline are
     /// dropped, and so are tracked points: correct the scene file to keep them.
     pub fn apply(&self, scene: &Scene) -> Scene {
         let mut corrected = rewrite(

@@ -1,11 +1,11 @@
-//! Turned boxes in the image.
+//! Oriented boxes in the image.
 
 use nalgebra::{Rotation2, Vector2};
 
 use super::bounding_box::BoundingBox;
 use super::ellipse::Ellipse;
 
-/// Why numbers are no turned box.
+/// Why numbers are no oriented box.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OrientedBoxError {

@@ -140,7 +140,7 @@ pub(crate) fn edge_plane(p: &Matrix3x4<f64>, bounding_box: &BoundingBox, edge: u
     if edge < 2 { plane } else { -plane }
 }
 
-/// The plane through the camera and a supporting line, positive on the side of the object, for a projection `p` of any
+/// The plane through the camera and a tangent line, positive on the side of the object, for a projection `p` of any
 /// frame.
 pub(crate) fn support_plane(p: &Matrix3x4<f64>, line: &TangentLine) -> Vector4<f64> {
     p.transpose() * Vector3::new(-line.normal.x, -line.normal.y, line.reach)

@@ -1,4 +1,4 @@
-//! Supporting lines of an outline: how far it reaches in several directions.
+//! Tangent lines of an outline: how far it reaches in several directions.
 
 use nalgebra::Vector2;
 
@@ -6,15 +6,15 @@ use super::bounding_box::BoundingBox;
 use super::ellipse::Ellipse;
 use super::oriented_box::OrientedBox;
 
-/// Number of directions of the supporting lines of a mask or a polygon.
+/// Number of directions of the tangent lines of a mask or a polygon.
 pub const SUPPORT_DIRECTIONS: usize = 8;
 
 /// Most directions that [`TangentLines`] has room for.
 pub const MAX_SUPPORT_DIRECTIONS: usize = 8;
 
-/// The supporting lines of an outline's convex hull in directions that are spread evenly over the circle (docs/method.md, section 2.2).
+/// The tangent lines of an outline's convex hull in directions that are spread evenly over the circle (docs/method.md, section 2.2).
 /// Of a mask there are [`SUPPORT_DIRECTIONS`]: those to the right, bottom, left and top are the edges of its tight box; the diagonal
-/// ones cut the corners in which the object is not. A turned box has four, its sides.
+/// ones cut the corners in which the object is not. An oriented box has four, its sides.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TangentLines {
     /// Number of directions, a multiple of four.
@@ -47,7 +47,7 @@ impl OutlineEnd {
     }
 }
 
-/// One supporting line.
+/// One tangent line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TangentLine {
     /// Its direction, a unit vector in the image that points away from the object.
@@ -126,7 +126,7 @@ impl TangentLines {
     }
 
     /// The lines of a box that was measured beside the outline: its edges in place of the lines along x and y, because detectors and
-    /// segmentations place the edges of boxes better than the outermost pixels of masks. Lines of a turned box stay as they are.
+    /// segmentations place the edges of boxes better than the outermost pixels of masks. Lines of an oriented box stay as they are.
     #[must_use]
     pub fn beside_box(mut self, bounding_box: &BoundingBox) -> Self {
         if self.angle == 0.0 {
@@ -156,7 +156,7 @@ impl TangentLines {
         self.count == SUPPORT_DIRECTIONS && !self.of_box && self.lines().all(|line| !line.end.is_open())
     }
 
-    /// The lines of a turned box: those of its sides. Cut off are sides of which a corner lies within `tolerance` pixels of the border
+    /// The lines of an oriented box: those of its sides. Cut off are sides of which a corner lies within `tolerance` pixels of the border
     /// of an image of this size, or outside of it.
     pub fn of_oriented_box(turned: &OrientedBox, image_size: Option<Vector2<f64>>, tolerance: f64) -> Self {
         let corners = turned.corners();
@@ -183,7 +183,7 @@ impl TangentLines {
         self
     }
 
-    /// The ellipse that touches the four sides of a turned box in their middles; `None` for other lines.
+    /// The ellipse that touches the four sides of an oriented box in their middles; `None` for other lines.
     pub fn inscribed_ellipse(&self) -> Option<Ellipse> {
         if self.count != 4 {
             return None;
@@ -237,7 +237,7 @@ impl TangentLines {
         self
     }
 
-    /// The tight box, from the lines along x and y; of a turned box the box around its corners.
+    /// The tight box, from the lines along x and y; of an oriented box the box around its corners.
     /// `None` when it is empty.
     pub fn bounding_box(&self) -> Option<BoundingBox> {
         let quarter = self.count / 4;

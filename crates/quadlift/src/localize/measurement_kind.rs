@@ -6,8 +6,8 @@ use crate::scene::{Detection, View};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MeasurementKind {
     /// All measurements of the detection. With box and ellipse, `posterior` uses the box for position and size and the
-    /// ellipse for shape; `planes` uses the box; `lfd`, `pfd` and `reg` use the ellipse. With an outline or a turned box
-    /// ([`Detection::tangent_lines`]), `posterior` and `planes` use its supporting lines instead of the edges of the box.
+    /// ellipse for shape; `planes` uses the box; `lfd`, `pfd` and `reg` use the ellipse. With an outline or an oriented box
+    /// ([`Detection::tangent_lines`]), `posterior` and `planes` use its tangent lines instead of the edges of the box.
     #[default]
     Auto,
     /// The box; detections without one are skipped.
@@ -16,7 +16,7 @@ pub enum MeasurementKind {
     Ellipse,
     /// Box and ellipse, as with `Auto`; detections without either of them are skipped.
     BoxAndEllipse,
-    /// The supporting lines of mask, outline or turned box instead of the edges of the box, with `posterior` and `planes`; detections
+    /// The tangent lines of mask, outline or oriented box instead of the edges of the box, with `posterior` and `planes`; detections
     /// without any ([`Detection::tangent_lines`]) are skipped.
     Mask,
 }

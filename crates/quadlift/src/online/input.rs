@@ -105,7 +105,7 @@ pub enum ObserveError {
         /// Number of its detections.
         count: usize,
     },
-    /// A detection without a box, an ellipse, an outline or a turned box.
+    /// A detection without a box, an ellipse, an outline or an oriented box.
     #[error("detection {detection} of frame {id:?} has neither a box nor an ellipse nor an outline")]
     NoBox {
         /// Id of the frame.

@@ -1,15 +1,15 @@
-//! The outline or the turned box of a kept view, reduced to what its supporting lines need, as plain numbers.
+//! The outline or the oriented box of a kept view, reduced to what its tangent lines need, as plain numbers.
 
 use crate::geometry::OrientedBox;
 use crate::scene::{self, Outlines, Shape, check_outline, extreme_corners};
 
-/// Outline or turned box of a kept view, in the image as it is, in single precision.
+/// Outline or oriented box of a kept view, in the image as it is, in single precision.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct MapShape {
-    /// The corners of the outline that its supporting lines touch; none of a turned box.
+    /// The corners of the outline that its tangent lines touch; none of an oriented box.
     corners: Vec<[f32; 2]>,
-    /// Center, size and angle of a turned box.
+    /// Center, size and angle of an oriented box.
     oriented_box: Option<[f32; 5]>,
     /// Which lines another outline of the frame hides, as bits.
     hidden: u8,
@@ -37,12 +37,12 @@ impl MapShape {
         kept.is_valid().then_some(kept)
     }
 
-    /// The corners of the outline that its supporting lines touch.
+    /// The corners of the outline that its tangent lines touch.
     pub fn outline(&self) -> Option<Vec<[f64; 2]>> {
         (!self.corners.is_empty()).then(|| self.corners.iter().map(|corner| corner.map(f64::from)).collect())
     }
 
-    /// The turned box.
+    /// The oriented box.
     pub fn oriented_box(&self) -> Option<OrientedBox> {
         let [x, y, width, height, angle] = self.oriented_box?.map(f64::from);
         OrientedBox::new([x, y].into(), [width, height].into(), angle).ok()
@@ -53,7 +53,7 @@ impl MapShape {
         self.has_box
     }
 
-    /// Gives a detection, whose box is known, the supporting lines.
+    /// Gives a detection, whose box is known, the tangent lines.
     pub(super) fn add_to(&self, detection: &mut scene::Detection, frame: &scene::Frame) {
         let (outline, has_box) = (self.outline(), self.has_box);
         let occluded_lines = Some(std::array::from_fn(|k| self.hidden & (1 << k) != 0));

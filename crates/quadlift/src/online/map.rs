@@ -262,7 +262,7 @@ impl ObjectMap {
         })
     }
 
-    /// Cameras and boxes of views in the form that association uses, and the statistics with their hidden edges.
+    /// Cameras and boxes of views in the form that association uses, and the statistics with their occluded edges.
     pub(super) fn gather<'a>(&self, views: impl IntoIterator<Item = &'a KeptView>) -> (Observations, SceneStatistics) {
         let mut observations = self.no_observations();
         let mut statistics = self.running.statistics.clone();

@@ -265,7 +265,7 @@ impl ObjectMap {
     }
 }
 
-/// What is kept of the outlines and turned boxes of a frame; empty if there are none.
+/// What is kept of the outlines and oriented boxes of a frame; empty if there are none.
 fn kept_shapes(frame: &Frame, detections: &[NewDetection]) -> Vec<Option<MapShape>> {
     if detections.iter().all(|d| d.outline.is_none() && d.oriented_box.is_none()) {
         return Vec::new();
@@ -285,7 +285,7 @@ fn kept_shapes(frame: &Frame, detections: &[NewDetection]) -> Vec<Option<MapShap
     detections.iter().zip(&seen).map(kept).collect()
 }
 
-/// Whether a box was measured, not only an outline or a turned box.
+/// Whether a box was measured, not only an outline or an oriented box.
 fn has_box(detection: &NewDetection) -> bool {
     detection.bounding_box.is_some() || detection.ellipse.is_some()
 }

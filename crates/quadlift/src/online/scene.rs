@@ -23,7 +23,7 @@ impl ObjectMap {
         self.scene_of(&|view, edges| view.averaged(edges))
     }
 
-    /// Outlines and turned boxes of the detections of [`ObjectMap::to_scene`], in their order.
+    /// Outlines and oriented boxes of the detections of [`ObjectMap::to_scene`], in their order.
     pub fn shapes_of_scene(&self) -> Vec<Option<&MapShape>> {
         let (_, views) = self.scene_and_views(&|_, edges| edges);
         views.into_iter().map(|view| view.shape.as_deref()).collect()

@@ -25,7 +25,7 @@ pub(super) struct KeptView {
     /// Depth and 3D box, with the sources of the map.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub cues: Option<Box<Cues>>,
-    /// Outline or turned box.
+    /// Outline or oriented box.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub shape: Option<Box<MapShape>>,
     /// Score of the detector.

@@ -34,7 +34,7 @@ pub struct NewDetection<'a> {
     pub ellipse: Option<Ellipse>,
     /// Corners of the outline in pixels, a polygon in either direction. Parts outside of the image are cut off.
     pub outline: Option<&'a [[f64; 2]]>,
-    /// Turned box in pixels; an outline comes first.
+    /// Oriented box in pixels; an outline comes first.
     pub oriented_box: Option<OrientedBox>,
     /// Whether the ellipse may be of a part of the object: the border of the image or another object cuts it.
     pub partial: bool,
@@ -52,12 +52,12 @@ impl NewDetection<'_> {
         Self { bounding_box: Some(bounding_box), ..Self::default() }
     }
 
-    /// Its outline and its turned box.
+    /// Its outline and its oriented box.
     pub fn shape(&self) -> Shape<'_> {
         Shape { outline: self.outline, oriented_box: self.oriented_box, occluded_lines: None }
     }
 
-    /// The box; without one that around the ellipse, the outline or the turned box.
+    /// The box; without one that around the ellipse, the outline or the oriented box.
     pub fn box_or_around(&self) -> Option<BoundingBox> {
         let of_ellipse = || self.ellipse.as_ref().map(|ellipse| ellipse.bounding_box());
         self.bounding_box.or_else(of_ellipse).or_else(|| self.shape().bounding_box())

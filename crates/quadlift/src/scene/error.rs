@@ -25,7 +25,7 @@ pub enum SceneError {
     /// A detection names a frame that does not exist.
     #[error("unknown frame \"{0}\"")]
     UnknownFrame(String),
-    /// A detection has no box, outline, turned box or ellipse, and no 3D box with a center.
+    /// A detection has no box, outline, oriented box or ellipse, and no 3D box with a center.
     #[error(
         "the detection has none of \"box\", \"outline\", \"oriented_box\" and \"ellipse\", and no \"box3d\" with a center"
     )]

@@ -76,7 +76,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Sets the supporting lines of the mask of the detection with this index. Does nothing if there is no such
+    /// Sets the tangent lines of the mask of the detection with this index. Does nothing if there is no such
     /// detection.
     pub fn set_support_lines(&mut self, detection: usize, lines: Option<TangentLines>) {
         if let Some(detection) = self.0.detections.get_mut(detection) {

@@ -1,4 +1,4 @@
-//! Outlines and turned boxes of detections: from the image to supporting lines (docs/method.md, section 2.2).
+//! Outlines and oriented boxes of detections: from the image to tangent lines (docs/method.md, section 2.2).
 
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
@@ -41,12 +41,12 @@ pub fn check_outline(corners: &[[f64; 2]]) -> Result<(), OutlineError> {
     if width > FLAT * far.norm_squared() { Ok(()) } else { Err(OutlineError::Flat) }
 }
 
-/// Outline and turned box of a detection, in the image as it is.
+/// Outline and oriented box of a detection, in the image as it is.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Shape<'a> {
     /// Corners of the outline in pixels, a polygon in either direction. Parts outside of the image are cut off.
     pub outline: Option<&'a [[f64; 2]]>,
-    /// Turned box in pixels; an outline comes first.
+    /// Oriented box in pixels; an outline comes first.
     pub oriented_box: Option<OrientedBox>,
     /// Which lines of the outline end where another outline of the image begins, if precomputed ([`occluded_lines`]): the other one need
     /// not be in the scene. Otherwise computed from the outlines of the scene.
@@ -63,7 +63,7 @@ impl Shape<'_> {
     }
 }
 
-/// Outlines and turned boxes on their way into a scene: each gives its detection supporting lines; outlines of one image and source
+/// Outlines and oriented boxes on their way into a scene: each gives its detection tangent lines; outlines of one image and source
 /// that touch each other hide lines.
 #[derive(Debug, Default)]
 pub struct Outlines {
@@ -146,7 +146,7 @@ pub fn occluded_lines<F: Ord>(outlines: &[Option<FrameOutline<'_, F>>]) -> Vec<[
     hidden
 }
 
-/// The corners of an outline in a frame that its supporting lines touch, in their order: an outline of them has the same lines. Fewer than
+/// The corners of an outline in a frame that its tangent lines touch, in their order: an outline of them has the same lines. Fewer than
 /// three outside of the image.
 pub(crate) fn extreme_corners(corners: &[[f64; 2]], frame: &Frame) -> Vec<[f64; 2]> {
     let Ok(outline) = ImageOutline::new(0, corners, frame) else { return Vec::new() };
@@ -203,7 +203,7 @@ impl ImageOutline {
         Ok(Self { detection, around: box_around(&corners), corners, points })
     }
 
-    /// The supporting lines; `None` outside of the image, and if the lens has no pinhole pixels for it.
+    /// The tangent lines; `None` outside of the image, and if the lens has no pinhole pixels for it.
     fn tangent_lines(&self) -> Option<TangentLines> {
         TangentLines::of_outline(&self.points)
     }
@@ -261,7 +261,7 @@ fn box_around<P: Index<usize, Output = f64>>(points: &[P]) -> Option<BoundingBox
 }
 
 /// The part of a polygon inside of an image (Sutherland and Hodgman: parts of a polygon that is not convex stay joined along the
-/// border, which changes no supporting line).
+/// border, which changes no tangent line).
 fn clipped(mut corners: Vec<Vector2<f64>>, size: Vector2<f64>) -> Vec<Vector2<f64>> {
     for (axis, sign, limit) in [(0, 1.0, 0.0), (1, 1.0, 0.0), (0, -1.0, -size.x), (1, -1.0, -size.y)] {
         let beyond = |p: &Vector2<f64>| sign * p[axis] - limit;
@@ -322,7 +322,7 @@ fn touch(outlines: &[ImageOutline]) -> Vec<(usize, Vec<bool>)> {
     outlines.iter().enumerate().filter_map(of_outline).collect()
 }
 
-/// The lines of the sides of a turned box, undistorted like a box: by the ellipse in it. `None` if the lens has no pinhole pixels
+/// The lines of the sides of an oriented box, undistorted like a box: by the ellipse in it. `None` if the lens has no pinhole pixels
 /// for it.
 fn turned_lines(turned: &OrientedBox, frame: &Frame) -> Option<TangentLines> {
     let lines = TangentLines::of_oriented_box(turned, frame.image_size, BORDER_TOLERANCE_PX);

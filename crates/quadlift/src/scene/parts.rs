@@ -109,7 +109,7 @@ pub struct Detection {
     pub bounding_box: Option<BoundingBox>,
     /// The ellipse in pixels.
     pub ellipse: Option<Ellipse>,
-    /// The supporting lines in pixels of the outline or the turned box; of a mask if computed, because a scene is built without them.
+    /// The tangent lines in pixels of the outline or the oriented box; of a mask if computed, because a scene is built without them.
     /// Boxed, because most detections have none.
     pub tangent_lines: Option<Box<TangentLines>>,
     /// Whether ellipse and mask may be of a part of the object: the border of the image or another object cuts them.

@@ -40,7 +40,7 @@ pub struct View {
     pub bounding_box: Option<BoundingBox>,
     /// The ellipse in pixels.
     pub ellipse: Option<Ellipse>,
-    /// The supporting lines of mask, outline or turned box in pixels; if there are any, they replace the edges of the box.
+    /// The tangent lines of mask, outline or oriented box in pixels; if there are any, they replace the edges of the box.
     pub tangent_lines: Option<TangentLines>,
     /// Whether the ellipse may be of a part of the object.
     pub partial: bool,
@@ -113,7 +113,7 @@ impl View {
         }
     }
 
-    /// The measurement for the closed forms: the ellipse, or the one inscribed in the turned box or in the box.
+    /// The measurement for the closed forms: the ellipse, or the one inscribed in the oriented box or in the box.
     pub fn ellipse_or_inscribed(&self) -> Option<Ellipse> {
         let turned = || self.tangent_lines.as_ref().and_then(TangentLines::inscribed_ellipse);
         self.ellipse.or_else(turned).or_else(|| self.bounding_box.as_ref().map(Ellipse::inscribed_in))

@@ -102,7 +102,7 @@ pub enum NoiseModelError {
 
 impl NoiseModel {
     /// Accepts the levels of results and ignores their pose noise. Levels that are not given have their defaults: 0.1,
-    /// of partial ellipses 0.2, of hidden edges twice that of others, `edge_noise_px` 67 times `edge_noise`, correlations
+    /// of partial ellipses 0.2, of occluded edges twice that of others, `edge_noise_px` 67 times `edge_noise`, correlations
     /// and common errors 0.
     ///
     /// # Errors

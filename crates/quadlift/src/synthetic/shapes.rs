@@ -1,4 +1,4 @@
-//! Simulated outlines and turned boxes of detections, with noise (ours).
+//! Simulated outlines and oriented boxes of detections, with noise (ours).
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -15,21 +15,21 @@ const CORNERS: usize = 64;
 /// Number of harmonics of the errors of an outline: size (0), place (1), elongation (2).
 const HARMONICS: usize = 3;
 
-/// The stream of the seed for outlines, and for turned boxes.
+/// The stream of the seed for outlines, and for oriented boxes.
 const OUTLINE_STREAM: u64 = 43;
 const TURNED_STREAM: u64 = 44;
 
-/// Simulated outlines and turned boxes; the default simulates none.
+/// Simulated outlines and oriented boxes; the default simulates none.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ShapeOptions {
     /// Standard deviation of the radius of an outline relative to the mean half size of the box, if there are outlines. The error is
     /// smooth: of size, place and elongation.
     pub outline: Option<f64>,
-    /// Errors of turned boxes, if there are any.
+    /// Errors of oriented boxes, if there are any.
     pub oriented_box: Option<TurnedNoise>,
 }
 
-/// Errors of simulated turned boxes.
+/// Errors of simulated oriented boxes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TurnedNoise {
     /// Standard deviation of the angle, radians.
@@ -45,16 +45,16 @@ impl Default for TurnedNoise {
     }
 }
 
-/// Outline and turned box of a detection.
+/// Outline and oriented box of a detection.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SimulatedShape {
     /// Corners of the outline, pixels.
     pub outline: Option<Vec<[f64; 2]>>,
-    /// The turned box.
+    /// The oriented box.
     pub oriented_box: Option<OrientedBox>,
 }
 
-/// Simulated outlines and turned boxes of the detections of a scene; none for those without a true body in front of the camera. Turned
+/// Simulated outlines and oriented boxes of the detections of a scene; none for those without a true body in front of the camera. Turned
 /// boxes lie along the axes of ellipses; of other bodies they are the smallest ones around the outline.
 pub fn simulate_shapes(
     scene: &Scene,
@@ -134,7 +134,7 @@ impl<'a> Seen<'a> {
         OrientedBox::new(center, Vector2::new(reach[0] + reach[2], reach[1] + reach[3]), angle).ok()
     }
 
-    /// The direction of a turned box without errors.
+    /// The direction of an oriented box without errors.
     fn angle(&self) -> Option<f64> {
         if self.body.kind == BodyKind::Ellipsoid {
             return project_ellipsoid(self.projection, &self.body.inscribed()).ok().map(|ellipse| ellipse.angle());

@@ -54,7 +54,7 @@ fn in_order(scene: &Scene, order: &[usize]) -> Scene {
     Scene::from_parts(other).unwrap()
 }
 
-/// Without hidden edges, which are looked at by themselves.
+/// Without occluded edges, which are looked at by themselves.
 fn run(scene: &Scene, correlated_views: bool) -> Vec<Estimate> {
     let map = PosteriorOptions { correlated_views, occluded_edges: false, ..Default::default() };
     localize(scene, &LocalizeOptions::from(map)).unwrap().estimates

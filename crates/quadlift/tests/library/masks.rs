@@ -1,4 +1,4 @@
-//! Objects from the supporting lines of masks, and from ellipses of which some are of parts.
+//! Objects from the tangent lines of masks, and from ellipses of which some are of parts.
 
 use nalgebra::{Rotation2, Vector2};
 use quadlift::geometry::{BodyKind, Ellipse, OrientedBox, OutlineEnd, TangentLines};
@@ -12,7 +12,7 @@ fn synthetic(observations: Observations, noise: Vec<Noise>) -> SyntheticScene {
     generate(&SyntheticOptions { objects: 20, views: 8, observations, noise, ..Default::default() }).unwrap()
 }
 
-/// The supporting lines of an ellipse, of which nothing right of `x` pixels is seen.
+/// The tangent lines of an ellipse, of which nothing right of `x` pixels is seen.
 fn lines(ellipse: &Ellipse, x: f64) -> Option<Box<TangentLines>> {
     let outline = (0..3600).map(|i| {
         let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / 3600.0).sin_cos();
@@ -83,7 +83,7 @@ fn exact_turned_boxes_give_exact_bodies() {
         })
         .unwrap();
     for method in [Method::default(), Method::Planes] {
-        // Without a choice, turned boxes come before boxes.
+        // Without a choice, oriented boxes come before boxes.
         let mut options = with_masks(method.clone());
         options.measurements = MeasurementKind::Auto;
         let iou = mean_iou(&synthetic, &scene, &options);

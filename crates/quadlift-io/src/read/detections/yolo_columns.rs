@@ -13,7 +13,7 @@ const PARALLEL: f64 = 1e-4;
 /// Coordinates after the class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) enum YoloKind {
-    /// Boxes where no line has more than 6 numbers, turned boxes where all begin with the corners of a parallelogram and
+    /// Boxes where no line has more than 6 numbers, oriented boxes where all begin with the corners of a parallelogram and
     /// have at most 10, polygons otherwise.
     #[default]
     Auto,
@@ -21,7 +21,7 @@ pub(crate) enum YoloKind {
     Box,
     /// Corners of a polygon.
     Polygon,
-    /// The four corners of a turned box.
+    /// The four corners of an oriented box.
     TurnedBox,
 }
 

@@ -1,4 +1,4 @@
-//! Outlines and turned boxes of detections in scene files.
+//! Outlines and oriented boxes of detections in scene files.
 
 use std::path::Path;
 

@@ -13,7 +13,7 @@ pub(crate) const HIDDEN_SHARE: f64 = 0.05;
 /// Edges that lie inside the prediction by more than this many standard deviations may be hidden.
 const HIDDEN_BEYOND: f64 = -2.0;
 
-/// Maximum number of hidden edges of a box.
+/// Maximum number of occluded edges of a box.
 const MAX_HIDDEN: usize = 2;
 
 /// The gain of taking a box for a detection of an object.
@@ -21,7 +21,7 @@ const MAX_HIDDEN: usize = 2;
 pub(crate) struct LogLikelihoodRatio {
     /// Logarithm of the ratio of the likelihoods, without the evidence of ids.
     pub value: f64,
-    /// Its hidden edges.
+    /// Its occluded edges.
     pub hidden: [bool; 4],
 }
 

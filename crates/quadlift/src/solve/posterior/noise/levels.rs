@@ -113,7 +113,7 @@ impl NoiseLevels {
         Self { sd, typical_weights, ..Self::new(pixel_size) }
     }
 
-    /// Given levels. Hidden edges default to twice the noise of other edges; other groups have their default.
+    /// Given levels. Occluded edges default to twice the noise of other edges; other groups have their default.
     pub(crate) fn given(noise_model: &NoiseModel, pixel_size: f64) -> Self {
         let of_group = |group: NoiseGroup| noise_model.get(group.name()).map(|x| x / reported_part(group));
         let sd = NoiseGroup::ALL.map(|group| {

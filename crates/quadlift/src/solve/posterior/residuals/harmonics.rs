@@ -1,4 +1,4 @@
-//! Errors of a whole outline: its supporting lines as harmonics (docs/method.md, section 2.2).
+//! Errors of a whole outline: its tangent lines as harmonics (docs/method.md, section 2.2).
 //!
 //! An outline is mostly wrong smoothly: too large, misplaced, too long. The errors of neighboring lines are then alike, and eight of them
 //! tell no more than five numbers.

@@ -66,7 +66,7 @@ pub(crate) struct Measurements {
 }
 
 impl Measurements {
-    /// Prepares the views. `ellipses_as_planes` replaces every ellipse by its supporting lines; `named` says that the axes of
+    /// Prepares the views. `ellipses_as_planes` replaces every ellipse by its tangent lines; `named` says that the axes of
     /// the body are length, width and height.
     pub(crate) fn new(frame: ObjectFrame, views: &[View], ellipses_as_planes: bool, named: bool) -> Self {
         let mut all = Self {
