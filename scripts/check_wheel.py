@@ -1,7 +1,9 @@
-"""Checks an installed package from outside of the repository: imports it and localizes the cup of the README."""
+"""Checks an installed package from outside of the repository: imports it, localizes the cup of the README, and runs the program."""
 
 import pathlib
+import subprocess
 import sys
+import sysconfig
 
 import numpy as np
 
@@ -24,4 +26,8 @@ estimates = quadlift.localize(
     objects=["cup_1"] * 4,
 )
 assert np.allclose(estimates.centers, [[0.02, -0.03, 0.05]], atol=0.01), estimates.centers
+script = pathlib.Path(sysconfig.get_path("scripts")) / "quadlift"
+for command in ([script], [sys.executable, "-m", "quadlift"]):
+    said = subprocess.run([*command, "--version"], check=True, capture_output=True, text=True).stdout
+    assert said == f"quadlift {quadlift.__version__}\n", said
 print(f"quadlift {quadlift.__version__}, Python {sys.version.split()[0]}: {source}")

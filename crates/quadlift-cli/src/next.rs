@@ -3,6 +3,7 @@
 use std::ffi::OsStr;
 use std::path::Path;
 
+use crate::call;
 use crate::output::{DIM, HEADING, Output};
 
 /// A word of a command.
@@ -61,7 +62,7 @@ impl Next {
 
     /// The command of this run once more, with other options behind it.
     pub(crate) fn again(mut self, options: &str, purpose: &str) -> Self {
-        let words: Vec<String> = std::env::args_os().skip(1).map(|word| quoted(&word)).collect();
+        let words: Vec<String> = call::arguments().iter().map(|word| quoted(word)).collect();
         self.lines.push((format!("{} {} {options}", program(), words.join(" ")), purpose.to_owned()));
         self
     }
@@ -86,19 +87,10 @@ impl Next {
     }
 }
 
-/// How the program was called: by its name if it is on the search path, otherwise by its path, as after `cargo run`.
+/// The words by which a shell calls the program.
 fn program() -> String {
-    let called = std::env::args_os().next().unwrap_or_else(|| "quadlift".into());
-    if Path::new(&called).components().count() <= 1 || is_on_path() { "quadlift".to_owned() } else { quoted(&called) }
-}
-
-/// Whether `quadlift` on the search path is this program.
-fn is_on_path() -> bool {
-    let own = std::env::current_exe().and_then(std::fs::canonicalize);
-    let (Ok(own), Some(path)) = (own, std::env::var_os("PATH")) else { return false };
-    let name = format!("quadlift{}", std::env::consts::EXE_SUFFIX);
-    let first = std::env::split_paths(&path).map(|folder| folder.join(&name)).find(|file| file.is_file());
-    first.and_then(|file| std::fs::canonicalize(file).ok()) == Some(own)
+    let words: Vec<String> = call::command().iter().map(|word| quoted(word)).collect();
+    words.join(" ")
 }
 
 /// A path as a shell takes it.

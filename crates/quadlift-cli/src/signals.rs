@@ -14,7 +14,7 @@ pub(crate) fn call_instead_of_ending(action: impl FnOnce() + Send + 'static) {
 }
 
 #[cfg(not(unix))]
-pub fn call_instead_of_ending(_: impl FnOnce() + Send + 'static) {}
+pub(crate) fn call_instead_of_ending(_: impl FnOnce() + Send + 'static) {}
 
 /// Starts a thread that waits for Ctrl-C, SIGTERM and SIGHUP, removes the temporary files and ends the program as the
 /// signal would have done. Signals that are ignored (`nohup`) stay ignored.
@@ -43,7 +43,7 @@ pub(crate) fn remove_temporary_files_at_the_end() {
 }
 
 #[cfg(not(unix))]
-pub fn remove_temporary_files_at_the_end() {}
+pub(crate) fn remove_temporary_files_at_the_end() {}
 
 /// The set of signals that this process ignores, signal 1 in the lowest bit; if unknown, SIGHUP, which `nohup` ignores.
 #[cfg(unix)]

@@ -5,6 +5,7 @@ mod error;
 mod evaluation;
 mod frames;
 mod live;
+mod program;
 mod rows;
 mod calibrate_rig;
 mod cues;
@@ -30,6 +31,7 @@ use pyo3::prelude::*;
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("QuadliftError", module.py().get_type::<error::QuadliftError>())?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_function(wrap_pyfunction!(program::run_program, module)?)?;
     module.add_function(wrap_pyfunction!(segmentation::set_max_pixels, module)?)?;
     module.add_function(wrap_pyfunction!(scene_methods::write_text, module)?)?;
     module.add_function(wrap_pyfunction!(scene_methods::frame_problems, module)?)?;
