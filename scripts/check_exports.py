@@ -2,7 +2,7 @@
 
     python scripts/check_exports.py path/to/quadlift
 
-Needs check_exports_requirements.txt. With --parquet the program must have been built with it.
+Needs check_exports_requirements.txt.
 """
 
 import csv
@@ -186,30 +186,6 @@ def check_geojson(path, objects, origin):
     print(f"GeoJSON: {len(points)} points, {len(ellipses)} ellipses")
 
 
-def check_parquet(quadlift, folder, estimate):
-    import pandas
-
-    run(quadlift, "export", "parquet", folder / "estimate.json", "-o", folder / "tables")
-    objects = pandas.read_parquet(folder / "tables/objects.parquet")
-    assert objects["id"].tolist() == [o["id"] for o in estimate["objects"]]
-    semi_axes = np.stack(objects["ellipsoid_semi_axes"])
-    assert np.array_equal(semi_axes, [o["ellipsoid"]["semi_axes"] for o in estimate["objects"]])
-    covariance = np.stack(objects["covariance"]).reshape(-1, 9, 9)
-    assert np.array_equal(covariance, [o["covariance"]["matrix"] for o in estimate["objects"]])
-    poses = np.stack(pandas.read_parquet(folder / "tables/frames.parquet")["cam_from_world"]).reshape(-1, 3, 4)
-    assert np.array_equal(poses, [f["cam_from_world"] for f in estimate["frames"]])
-    views = pandas.read_parquet(folder / "tables/views.parquet")
-    assert len(views) == sum(len(o["view_residuals_px"]) for o in estimate["objects"])
-    run(quadlift, "import", "parquet", folder / "tables", "-o", folder / "again.json")
-    assert json.loads((folder / "again.json").read_text()) == estimate, "scene -> tables -> scene"
-    # What pandas writes is read again.
-    for path in (folder / "tables").iterdir():
-        pandas.read_parquet(path).to_parquet(path)
-    run(quadlift, "import", "parquet", folder / "tables", "-o", folder / "pandas.json")
-    assert json.loads((folder / "pandas.json").read_text()) == estimate, "scene -> tables -> pandas -> scene"
-    print(f"Parquet: {len(objects)} objects, {len(views)} views, and back")
-
-
 def main():
     quadlift = Path(sys.argv[1]).resolve()
     with tempfile.TemporaryDirectory() as name:
@@ -260,9 +236,6 @@ def main():
             half = [float(row[f"half_extent_{k}"]) for k in (1, 2, 3)]
             assert half == o["ellipsoid"]["semi_axes"] and row["object"] == o["id"], row
         print(f"CSV: {len(rows)} objects")
-        estimate = json.loads(estimate_path.read_text())
-        if "--parquet" in sys.argv:
-            check_parquet(quadlift, folder, estimate)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,6 @@ part() {
 
 section "Rust tests" scripts/test.sh
 section "experiments" scripts/test_bench.sh
-section "Parquet" scripts/test_parquet.sh
 part "exports" scripts/test_exports.sh exports-venv cameras-venv
 part "ROS 2" scripts/test_ros2.sh ros2
 part "Python" scripts/test_python.sh python

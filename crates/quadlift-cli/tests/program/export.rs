@@ -175,33 +175,6 @@ fn images_of_a_recording_are_those_of_the_pinhole_camera() {
     assert!((k(0, 0) - f).abs() < 1e-9 && (k(1, 2) - cy).abs() < 1e-9, "{recording:.200}");
 }
 
-#[cfg(feature = "parquet")]
-#[test]
-fn a_result_comes_back_from_parquet() {
-    let folder = result();
-    // As quadlift writes it.
-    folder.succeed("export parquet objects.json -o first");
-    folder.succeed("import parquet first -o once.json");
-    folder.succeed("export parquet once.json -o second");
-    let report = folder.succeed("import parquet second -o twice.json");
-    assert_eq!(
-        report.lines().next(),
-        Some("wrote twice.json: 1 camera, 12 frames, 0 detections, 4 objects"),
-        "{report}"
-    );
-    assert_eq!(folder.json("once.json"), folder.json("objects.json"));
-    assert_eq!(folder.read("once.json"), folder.read("twice.json"));
-    let run = folder.run("export parquet objects.json -o first");
-    assert_eq!((run.code, run.stderr.contains("the folder is not empty")), (1, true), "{}", run.stderr);
-    // A file that is damaged is told in one line.
-    let mut bytes = std::fs::read(folder.path("first/objects.parquet")).unwrap();
-    bytes[20..400].fill(0xFF);
-    folder.write("first/objects.parquet", bytes);
-    let run = folder.run("import parquet first -o no.json");
-    assert_eq!((run.code, run.stderr.lines().count()), (1, 1), "{}", run.stderr);
-    assert!(run.stderr.contains("cannot read the table"), "{}", run.stderr);
-}
-
 #[test]
 fn objects_have_places_on_earth() {
     let folder = result();

@@ -43,8 +43,7 @@ pub use format::{ExportFormat, Writer};
 pub use options::{WRITE, WriteOptions};
 pub(crate) use units::meters_of;
 
-/// The formats of objects and cameras that are written. Tables and recordings are written by `tables` (feature `parquet`) and the crate
-/// quadlift-report.
+/// The formats of objects and cameras that are written. Recordings are written by the crate quadlift-report.
 pub const EXPORTS: &[ExportFormat] = &[
     ply::FORMAT,
     glb::FORMAT,
