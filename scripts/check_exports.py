@@ -129,31 +129,6 @@ def check_bop(path, scene, estimate):
     print(f"BOP: {len(rows)} poses")
 
 
-def check_boxer(path, scene, estimate):
-    with path.open() as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows[0]) == 15 and len(rows) == len(scene["frames"]) * len(estimate["objects"])
-    for row, (frame, o) in zip(rows, ((f, o) for f in range(len(scene["frames"])) for o in estimate["objects"])):
-        assert row["time_ns"] == str(frame * 10**9), row
-        assert [float(row[f"t{axis}_world_object"]) for axis in "xyz"] == o["ellipsoid"]["center"]
-        turn = rotation([float(row[f"q{axis}_world_object"]) for axis in "wxyz"])
-        assert np.allclose(turn, rotation(o["ellipsoid"]["rotation"]), atol=1e-9)
-        assert np.allclose([float(row[f"scale_{axis}"]) for axis in "xyz"], 2 * np.array(o["ellipsoid"]["semi_axes"]))
-    print(f"Boxer: {len(rows)} boxes")
-
-
-def check_ros(path, estimate):
-    message = json.loads(path.read_text())
-    for detection, o in zip(message["detections"], estimate["objects"], strict=True):
-        size = detection["bbox"]["size"]
-        assert np.allclose([size["x"], size["y"], size["z"]], 2 * np.array(o["ellipsoid"]["semi_axes"]))
-        covariance = np.array(detection["results"][0]["pose"]["covariance"]).reshape(6, 6)
-        assert np.allclose(covariance, covariance.T) and np.linalg.eigvalsh(covariance).min() > 0
-        expected = np.array(o["covariance"]["matrix"])[:3, :3]
-        assert np.allclose(covariance[:3, :3], expected)
-    print(f"ROS: {len(message['detections'])} detections")
-
-
 def check_geojson(path, objects, origin):
     import geopandas
     import pyproj
@@ -224,8 +199,6 @@ def main():
         check_coco(export("coco"), scene, estimate)
         check_kitti(export("kitti"), scene, estimate)
         check_bop(export("bop"), scene, estimate)
-        check_boxer(export("boxer"), scene, estimate)
-        check_ros(export("ros"), estimate)
         origin = (-33.9, 151.2, 10.5)
         geojson = folder / "upright.geojson"
         run(quadlift, "export", "geojson", upright, "-o", geojson, "--origin", ",".join(map(str, origin)))

@@ -792,7 +792,7 @@ fn exports() -> Vec<Case> {
         },
         of_truth("an export in place of the scene", 2, "export ply truth.json -o truth.json"),
         of_truth("an export into a folder that does not exist", 1, "export coco truth.json -o no/out.json"),
-        of_truth("an export in place of a folder", 1, "export ros truth.json -o tables"),
+        of_truth("an export in place of a folder", 1, "export coco truth.json -o tables"),
         of_truth("two tables of one name", 2, "export csv truth.json -o out.csv --views out.csv"),
         of_truth("a calibration without P2", 1, "export kitti truth.json -o out.txt --calib calib.txt"),
         of_truth("frusta of a negative depth", 2, "export ply truth.json -o out.ply --frusta=-1"),

@@ -14,16 +14,17 @@ mod coco;
 mod csv;
 mod glb;
 mod ply;
-mod ros;
 mod scores;
 mod geojson;
+#[cfg(feature = "mcap")]
+mod pose_covariance;
+#[cfg(feature = "mcap")]
 mod stamps;
 #[cfg(feature = "mcap")]
 pub mod mcap;
 mod units;
 mod views;
 mod bop;
-mod boxer;
 mod kitti;
 
 #[cfg(test)]
@@ -49,12 +50,10 @@ pub const EXPORTS: &[ExportFormat] = &[
     glb::FORMAT,
     kitti::FORMAT,
     bop::FORMAT,
-    boxer::FORMAT,
     coco::FORMAT,
     geojson::FORMAT,
     #[cfg(feature = "mcap")]
     mcap::FORMAT,
-    ros::FORMAT,
     csv::FORMAT,
     cameras::TUM,
     cameras::COLMAP,
