@@ -14,6 +14,7 @@ mod coco;
 mod csv;
 mod glb;
 mod ply;
+#[cfg_attr(not(feature = "mcap"), expect(dead_code, reason = "only logs have scores of views"))]
 mod scores;
 mod geojson;
 #[cfg(feature = "mcap")]
