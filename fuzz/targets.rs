@@ -28,8 +28,6 @@ pub(crate) const TARGETS: &[(&str, Target)] = &[
     ("live", live),
     ("localize", localize),
     ("mcap", mcap),
-    #[cfg(feature = "parquet")]
-    ("parquet", parquet),
     ("polygons", polygons),
     ("rle", rle),
     ("scene", scene),
@@ -206,48 +204,6 @@ fn scene(data: &[u8]) -> bool {
 fn small_size(data: &[u8]) -> Option<([u32; 2], &[u8])> {
     let [height, width, rest @ ..] = data else { return None };
     Some(([u32::from(*height), u32::from(*width)], rest))
-}
-
-/// Tables: the first byte says which of those of a valid scene (by name) the rest stands for.
-#[cfg(feature = "parquet")]
-fn parquet(data: &[u8]) -> bool {
-    use std::sync::OnceLock;
-
-    use quadlift_io::tables::{read_tables, write_tables};
-
-    /// A folder with valid tables, their paths and contents.
-    type Tables = (tempfile::TempDir, Vec<(std::path::PathBuf, Vec<u8>)>);
-    static TABLES: OnceLock<Tables> = OnceLock::new();
-    let (folder, tables) = TABLES.get_or_init(|| {
-        let folder = tempfile::tempdir().unwrap();
-        write_tables(folder.path(), &localized_scene()).unwrap();
-        let mut paths: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
-        paths.sort();
-        let tables = paths.into_iter().map(|path| (path.clone(), std::fs::read(path).unwrap())).collect();
-        (folder, tables)
-    });
-    let [which, rest @ ..] = data else { return false };
-    let (path, valid) = &tables[usize::from(*which) % tables.len()];
-    std::fs::write(path, rest).unwrap();
-    let is_read = check(read_tables(folder.path()));
-    std::fs::write(path, valid).unwrap();
-    is_read
-}
-
-/// A small scene with everything that tables hold.
-#[cfg(feature = "parquet")]
-fn localized_scene() -> SceneFile {
-    let mut file = small_scene();
-    file.frames = (0..4).map(|k| frame_on_circle(k, 4)).collect();
-    for k in 0..8 {
-        file.detections.push(DetectionRecord {
-            frame: (k % 4).to_string().as_str().into(),
-            object: Some((k / 4).to_string().as_str().into()),
-            bounding_box: Some([250.0 + k as f64, 200.0, 380.0, 290.0]),
-            ..DetectionRecord::default()
-        });
-    }
-    SceneFile { detections: file.detections.clone(), ..localized(file, LocalizeOptions::default()).unwrap().result() }
 }
 
 /// COCO's compressed runs: the mask has the pixels of the runs, and encoding gives the runs back.

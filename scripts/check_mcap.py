@@ -700,8 +700,6 @@ def check_export(quadlift, folder, scene, estimate_path):
     path, log = folder / "timed.json", folder / "objects.mcap"
     path.write_text(json.dumps(estimate))
     print(run(quadlift, "export", "mcap", path, "-o", log, "--frame-id", "world").splitlines()[0])
-    run(quadlift, "export", "ros", path, "-o", folder / "ros.json", "--frame-id", "world")
-    ros = {d["id"]: d for d in json.loads((folder / "ros.json").read_text())["detections"]}
     objects = {o["id"]: o for o in estimate["objects"] if "ellipsoid" in o}
 
     def plain(value):
@@ -729,15 +727,18 @@ def check_export(quadlift, folder, scene, estimate_path):
         assert time == max(times) == stamp(all_objects["header"]) and all_objects["header"]["frame_id"] == "world"
         assert [d["id"] for d in all_objects["detections"]] == list(objects)
         for d in all_objects["detections"]:
-            expected = ros[d["id"]]
-            assert numbers(d["bbox"]) == numbers(expected["bbox"]), (d["bbox"], expected["bbox"])
+            body = objects[d["id"]]["ellipsoid"]
             [result] = d["results"]
-            assert numbers(result["pose"]) == numbers(expected["results"][0]["pose"])
+            for pose in (d["bbox"]["center"], result["pose"]["pose"]):
+                assert [pose["position"][k] for k in "xyz"] == body["center"], (pose, body)
+                assert np.allclose([pose["orientation"][k] for k in "wxyz"], body["rotation"], rtol=0, atol=1e-15)
+            assert np.allclose([d["bbox"]["size"][k] for k in "xyz"], 2 * np.array(body["semi_axes"]), rtol=1e-15)
             scores = [x["score"] for x in scene["detections"] if x.get("object") == d["id"]]
             assert np.isclose(result["hypothesis"]["score"], np.mean(scores), rtol=1e-12)
             covariance = np.array(result["pose"]["covariance"]).reshape(6, 6)
             matrix = np.array(objects[d["id"]]["covariance"]["matrix"])
             assert np.array_equal(covariance[:3, :3], matrix[:3, :3])
+            assert np.allclose(covariance, covariance.T) and np.linalg.eigvalsh(covariance).min() > 0
         seen = {(time, d["id"]) for time, m in topics["/quadlift/objects"] for d in m["detections"]}
         index = {f["id"]: k for k, f in enumerate(estimate["frames"])}
         detected = {(times[index[d["frame"]]], d["object"]) for d in scene["detections"] if d.get("object") in objects}

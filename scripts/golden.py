@@ -64,7 +64,7 @@ SETTINGS = {
 }
 
 SOURCES = {"accv": "yolo model", "kitti": "rrc label cuboid", "lmo": "visible-mask model", "tuw": "authors"}
-EXPORTS = "ply glb kitti bop boxer coco mcap ros csv tum colmap rerun"
+EXPORTS = "ply glb kitti bop coco mcap csv tum colmap rerun"
 
 
 class Cases:

@@ -9,8 +9,8 @@ target="${CARGO_TARGET_DIR:-$PWD/target}"
 python3 -m venv "$target/exports-venv"
 python="$target/exports-venv/bin/python"
 "$python" -m pip install --quiet --disable-pip-version-check -r scripts/check_exports_requirements.txt
-cargo build -p quadlift-io -p quadlift-cli --features quadlift-cli/parquet --locked
-"$python" scripts/check_exports.py "$target/debug/quadlift" --parquet
+cargo build --bin quadlift --locked
+"$python" scripts/check_exports.py "$target/debug/quadlift"
 "$python" scripts/check_mcap.py "$target/debug/quadlift"
 python3 -m venv "$target/cameras-venv"
 cameras="$target/cameras-venv/bin/python"

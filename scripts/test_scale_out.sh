@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Tests quadlift on Spark, Ray Data and Daft: builds the wheel and installs it with them, 1.3 GB, into target/scale-out.
+# Runs the recipes of docs/scale-out.md on Spark, Ray and Daft: builds the wheel and installs it with them, 1.3 GB, into target/scale-out.
 # Needs Rust, Python 3.10 or later with venv, PyPI and Java 17 or 21, without which the test is skipped. Arguments go to
 # pytest.
 set -euo pipefail
@@ -24,4 +24,4 @@ if [ -z "${QUADLIFT:-}" ]; then
 fi
 # Everything stays on this machine, and nobody is told.
 export RAY_USAGE_STATS_ENABLED=0 DAFT_ANALYTICS_ENABLED=0 SPARK_LOCAL_IP=127.0.0.1
-"$python" -m pytest --quiet -p no:cacheprovider -m scale_out python/tests/test_scale_out_*.py "$@"
+"$python" -m pytest --quiet -p no:cacheprovider -m scale_out python/tests/test_scale_out.py "$@"

@@ -10,7 +10,7 @@ class Quadlift < Formula
   depends_on "rust" => :build
 
   def install
-    system "cargo", "install", *std_cargo_args(path: "crates/quadlift-cli", features: "parquet")
+    system "cargo", "install", *std_cargo_args(path: "crates/quadlift-cli")
     generate_completions_from_executable(bin/"quadlift", "completions")
     (man1/"quadlift.1").write Utils.safe_popen_read(bin/"quadlift", "man")
   end

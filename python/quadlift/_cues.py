@@ -109,29 +109,6 @@ def cues(depths: Any, boxes3d: Any, count: int, like: str) -> CueArrays | None:
     return found
 
 
-def taken(cues: CueArrays, places: NDArray[np.int64] | NDArray[np.bool_]) -> CueArrays:
-    """Those at some indices, or where a mask is true."""
-
-    def names(found: Names) -> Names:
-        return None if found[0] is None else found[0][places], found[1]
-
-    def rows(values: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
-        return None if values is None else np.ascontiguousarray(values[places])
-
-    return {
-        "depth": rows(cues["depth"]),
-        "depth_sd": rows(cues["depth_sd"]),
-        "depth_source": names(cues["depth_source"]),
-        "center": rows(cues["center"]),
-        "half_extents": rows(cues["half_extents"]),
-        "rotation": rows(cues["rotation"]),
-        "frame": names(cues["frame"]),
-        "sd": rows(cues["sd"]),
-        "covariance": rows(cues["covariance"]),
-        "source": names(cues["source"]),
-    }
-
-
 def _add_depths(found: CueArrays, depths: Any, count: int, like: str) -> None:
     fields = depths if isinstance(depths, Mapping) else {"median": depths}
     _known("depths", fields, ("median", "sd", "source"))

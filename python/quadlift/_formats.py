@@ -89,7 +89,7 @@ class ExportOptions(TypedDict, total=False):
     frusta: float
     """PLY, glTF: depth of the camera frusta, world units; 0 for none. Default: a tenth of the objects' distance."""
     only_detected: bool
-    """BOP, Boxer, COCO, KITTI: only frames in which the object was detected, instead of all in which it is visible."""
+    """BOP, COCO, KITTI: only frames in which the object was detected, instead of all in which it is visible."""
     calib: Path
     """KITTI: calibration file of the sequence; locations are then in the axes of camera 0."""
     scene_id: int
@@ -99,7 +99,7 @@ class ExportOptions(TypedDict, total=False):
     north: tuple[float, float, float]
     """GeoJSON: world direction whose horizontal part is north. Default: (0, 1, 0)."""
     frame_id: str
-    """MCAP, ROS: name of the world frame. Default: "map"."""
+    """MCAP: name of the world frame. Default: "map"."""
     views: Path
     """CSV: a second table with the residual of each view of each object."""
     camera: str

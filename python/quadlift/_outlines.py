@@ -52,27 +52,6 @@ def _corners(name: str, corners: Any) -> NDArray[np.float64]:
     return np.empty((0, 2)) if corners is None else _checks.array(name, corners, ("K", 2))
 
 
-def taken(found: OutlineArrays, places: NDArray[np.int64] | NDArray[np.bool_]) -> OutlineArrays:
-    """Those at some indices, or where a mask is true."""
-    corners, offsets, turned, hidden = (
-        found["corners"],
-        found["offsets"],
-        found["oriented_boxes"],
-        found["occluded_lines"],
-    )
-    if corners is not None and offsets is not None:
-        counts, begins = np.diff(offsets)[places], offsets[:-1][places]
-        offsets = np.concatenate([[0], np.cumsum(counts)])
-        # The place of each corner: where its outline begins, and the number of the corner in it.
-        corners = corners[np.arange(offsets[-1]) + np.repeat(begins - offsets[:-1], counts)]
-    return {
-        "corners": corners,
-        "offsets": offsets,
-        "oriented_boxes": None if turned is None else np.ascontiguousarray(turned[places]),
-        "occluded_lines": None if hidden is None else np.ascontiguousarray(hidden[places]),
-    }
-
-
 def around(found: OutlineArrays) -> NDArray[np.float64]:
     """The boxes around outlines, or else around turned boxes: (M, 4), NaN without either."""
     corners, offsets, turned = found["corners"], found["offsets"], found["oriented_boxes"]

@@ -13,6 +13,7 @@ from ._core import QuadliftError
 from ._formats import ExportOptions
 
 if TYPE_CHECKING:
+    import pyarrow
     from numpy.typing import ArrayLike
     from typing_extensions import Self, Unpack
 
@@ -196,6 +197,21 @@ class SceneData:
         )
         return type(self)(self._core.with_detections(detections, _arrays.orientation(orientation)))
 
+    def to_arrow(self) -> tuple[pyarrow.Table, pyarrow.Table]:
+        """Detections and frames as tables, as `quadlift.tables` takes them; needs pyarrow.
+
+        Returns
+        -------
+        detections : pyarrow.Table
+            One row per detection, without its mask; the columns of docs/scale-out.md.
+        frames : pyarrow.Table
+            One row per frame, with its camera: `frame`, `camera`, `model`, `params`, `intrinsics` (of pinhole cameras),
+            `cam_from_world` or `projection`, `width`, `height`, `time`, `image`.
+        """
+        from ._scene_tables import tables
+
+        return tables(self.to_dict())
+
     # Contents
 
     def __reduce__(self) -> Any:
@@ -273,11 +289,11 @@ class SceneData:
         Parameters
         ----------
         format : str
-            Objects: ``"ply"``, ``"glb"``, ``"kitti"``, ``"bop"``, ``"boxer"``, ``"coco"``, ``"geojson"``, ``"mcap"``,
-            ``"ros"`` or ``"csv"``; cameras: ``"tum"`` or ``"colmap"``; the whole scene: ``"parquet"``, if the package
-            was built with it (docs/formats/exports.md). `to_rerun` makes recordings of Rerun.
+            Objects: ``"ply"``, ``"glb"``, ``"kitti"``, ``"bop"``, ``"coco"``, ``"geojson"``, ``"mcap"`` or
+            ``"csv"``; cameras: ``"tum"`` or ``"colmap"`` (docs/formats/exports.md).
+            `to_arrow` makes tables, `to_rerun` recordings of Rerun.
         path : path-like
-            The file; for ``"colmap"`` and ``"parquet"`` a folder.
+            The file; for ``"colmap"`` a folder.
         **options : ExportOptions
             Options of the format; `quadlift.ExportOptions` lists them.
 

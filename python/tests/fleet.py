@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 import quadlift
-from conftest import Program, read_json
+from conftest import ROOT, Program, read_json
 
 
 @dataclass
@@ -96,3 +97,14 @@ def statuses(table: pa.Table) -> dict[Any, tuple[str, str | None]]:
 
 def count_ok(table: pa.Table) -> int:
     return int(pc.sum(pc.equal(table["status"], "ok")).as_py())
+
+
+def recipes() -> dict[str, str]:
+    """The Python code of docs/scale-out.md by heading."""
+    code: dict[str, str] = {}
+    heading = ""
+    text = (ROOT / "docs/scale-out.md").read_text()
+    for found in re.finditer(r"^#+ ([^\n]*)$|^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
+        heading = found[1] or heading
+        code[heading] = code.get(heading, "") + (found[2] or "")
+    return {name: text for name, text in code.items() if text}

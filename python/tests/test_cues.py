@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import quadlift
 from conftest import Arrays, Program, made_scene, read_json
-from quadlift import batches
+from quadlift import tables
 
 
 @dataclass
@@ -258,8 +258,8 @@ def test_the_object_map_keeps_them(program: Program, tmp_path: Path) -> None:
 # Tables
 
 
-def tables(cued: Cued, box3d: dict[str, Any]) -> tuple[pa.Table, pa.Table]:
-    """Detections with the columns of `quadlift export parquet`, and cameras."""
+def tables_of(cued: Cued, box3d: dict[str, Any]) -> tuple[pa.Table, pa.Table]:
+    """Detections with the columns of `docs/scale-out.md`, and cameras."""
     found = cued.found
     boxes = dict(zip(("x0", "y0", "x1", "y1"), found["boxes"].T, strict=True))
     columns = {
@@ -282,35 +282,32 @@ def test_tables_of_objects_and_of_scenes(cued: Cued) -> None:
     given: dict[str, Any] = {"noise_model": whole.noise, "body": "ellipsoid"}
     up = cued.frames["up"]
     expected = quadlift.localize(**cued.frames, **cued.found, **given, upright=False)
-    detections, cameras = tables(cued, cued.found["boxes3d"])
-    frames = batches.with_occluded_edges(batches.group(detections, ["frame"]))
-    rows = batches.group(batches.ungroup(frames), ["object"])
-    found = batches.localize_objects(rows, cameras, up=up, **given)
+    detections, cameras = tables_of(cued, cued.found["boxes3d"])
+    found = tables.localize(tables.occluded_edges(detections), cameras, up=up, **given)
     order = [list(expected.object_ids).index(name) for name in found["object"].to_pylist()]
     np.testing.assert_array_equal(np.array(found["center"].to_pylist()), expected.centers[order])
-    in_world, _ = tables(cued, cued.in_world())
-    frames = batches.with_occluded_edges(batches.group(in_world, ["frame"]))
-    of_world = batches.localize_objects(batches.group(batches.ungroup(frames), ["object"]), cameras, up=up, **given)
+    # As the scene gives them, which normalizes quaternions.
+    names = [f"{k:03}" for k in range(len(cameras))]
+    scene = quadlift.Scene.from_arrays(**cued.frames, frame_ids=names).with_detections(**cued.found)
+    named = cameras.set_column(0, "frame", pa.array(names))
+    of_scene = tables.localize(tables.occluded_edges(scene.to_arrow()[0]), named, up=up, **given)
+    np.testing.assert_allclose(of_scene["center"].to_pylist(), found["center"].to_pylist(), rtol=1e-11)
+    in_world = tables.occluded_edges(tables_of(cued, cued.in_world())[0])
+    of_world = tables.localize(in_world, cameras, up=up, **given)
     np.testing.assert_allclose(np.array(of_world["center"].to_pylist()), expected.centers[order], atol=1e-6)
     # Only depths and 3D boxes, no boxes.
     null = pa.nulls(len(detections), pa.float64())
+    of_boxes3d = detections
     for name in ("x0", "y0", "x1", "y1"):
-        detections = detections.set_column(detections.column_names.index(name), name, null)
-    of_boxes3d = batches.localize_objects(batches.group(detections, ["object"]), cameras, up=up, **given)
-    assert set(of_boxes3d["status"].to_pylist()) == {"ok"}
-    # A scene without ids, as a row.
-    scene = batches.group(
-        tables(cued, cued.found["boxes3d"])[0]
-        .drop_columns("object")
-        .append_column("scene", pa.array(["a"] * len(detections))),
-        ["scene"],
-    )
-    of_scene = batches.localize_scenes(scene, cameras.append_column("scene", pa.array(["a"] * len(cameras))))
-    assert of_scene["status"].to_pylist().count("ok") >= 8
+        of_boxes3d = of_boxes3d.set_column(of_boxes3d.column_names.index(name), name, null)
+    assert set(tables.localize(of_boxes3d, cameras, up=up, **given)["status"].to_pylist()) == {"ok"}
+    # A scene without ids.
+    without = tables.localize(detections.drop_columns("object"), cameras)
+    assert without["status"].to_pylist().count("ok") >= 8
 
 
 def test_wrong_rows_of_tables_are_named(cued: Cued) -> None:
-    detections, cameras = tables(cued, cued.found["boxes3d"])
+    detections, cameras = tables_of(cued, cued.found["boxes3d"])
     rows = detections.to_pylist()
     rows.sort(key=lambda row: row["frame"])
     assert len({row["object"] for row in rows[:4]}) == 4
@@ -318,8 +315,8 @@ def test_wrong_rows_of_tables_are_named(cued: Cued) -> None:
     rows[1]["box3d_center"] = [0.0, 0.0, -5.0]
     rows[2]["box3d_center"] = None
     rows[3]["depth_median"] = None
-    grouped = batches.group(pa.Table.from_pylist(rows, schema=detections.schema), ["object"])
-    found = batches.localize_objects(grouped, cameras, noise_model={"edge_noise": 0.03}, body="ellipsoid")
+    given: dict[str, Any] = {"noise_model": {"edge_noise": 0.03}, "body": "ellipsoid"}
+    found = tables.localize(pa.Table.from_pylist(rows, schema=detections.schema), cameras, **given)
     problems = dict(zip(found["object"].to_pylist(), found["problem"].to_pylist(), strict=True))
     assert problems.pop(rows[0]["object"]).endswith(
         "the depth is -1; expected a positive number (world units, along the optical axis)"
@@ -327,11 +324,10 @@ def test_wrong_rows_of_tables_are_named(cued: Cued) -> None:
     assert "is not in front of the camera" in problems.pop(rows[1]["object"])
     assert set(problems.values()) == {None}
     rows[1]["box3d_center"] = [0.0, 5.0]
-    grouped = batches.group(pa.Table.from_pylist(rows, schema=detections.schema), ["object"])
     with pytest.raises(
         quadlift.QuadliftError, match="box3d_center has a list of 2 numbers; expected lists of 3 numbers"
     ):
-        batches.localize_objects(grouped, cameras, noise_model={"edge_noise": 0.03}, body="ellipsoid")
+        tables.localize(pa.Table.from_pylist(rows, schema=detections.schema), cameras, **given)
 
 
 def test_documents_are_json(cued: Cued) -> None:

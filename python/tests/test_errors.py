@@ -233,12 +233,12 @@ def test_missing_packages(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ImportError, match="pip install pandas"):
         estimates.to_pandas()
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    for name in ("_arrow", "batches"):
+    for name in ("_arrow", "tables"):
         monkeypatch.delitem(sys.modules, f"quadlift.{name}", raising=False)
     with pytest.raises(ImportError, match="pip install pyarrow"):
         estimates.to_arrow()
     with pytest.raises(ImportError, match="pip install pyarrow"):
-        importlib.import_module("quadlift.batches")
+        importlib.import_module("quadlift.tables")
 
 
 @pytest.mark.parametrize(

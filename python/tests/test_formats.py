@@ -18,11 +18,9 @@ FORMATS: dict[str, dict[str, Any]] = {
     "glb": {"enclosing": True},
     "kitti": {"only_detected": True},
     "bop": {"scene_id": 3},
-    "boxer": {},
     "coco": {},
     "geojson": {"origin": (48.2, 16.37, 170.0), "north": [1, 0, 0]},
-    "mcap": {"frame_id": "world"},
-    "ros": {"frame_id": "world", "enclosing": False},
+    "mcap": {"frame_id": "world", "enclosing": False},
     "csv": {},
     "tum": {},
 }
@@ -68,22 +66,6 @@ def test_exports_of_estimates_tables_and_folders(result: Path, tmp_path: Path) -
     assert len((tmp_path / "views.csv").read_text().splitlines()) == 33
     estimates.export("colmap", tmp_path / "sparse")
     assert len(quadlift.Scene.from_cameras(tmp_path / "sparse").frame_ids) == 8
-
-
-def test_tables_are_there_or_said_to_be_left_out(result: Path, tmp_path: Path) -> None:
-    scene = quadlift.Scene.read(result)
-    refused = ""
-    try:
-        scene.export("parquet", tmp_path / "tables")
-    except quadlift.QuadliftError as error:
-        refused = str(error)
-    if refused:
-        assert 'which this build leaves out; build the package with the feature "parquet"' in refused
-        with pytest.raises(quadlift.QuadliftError, match="left out of this build"):
-            quadlift.Scene.from_cameras(tmp_path, format="parquet")
-    else:
-        again = quadlift.Scene.from_cameras(tmp_path / "tables", format="parquet")
-        assert again.to_dict()["objects"] == scene.to_dict()["objects"]
 
 
 def test_what_cannot_be_exported(result: Path, tmp_path: Path, made: Arrays) -> None:

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pytest
 import supervision
 
 import quadlift
 from conftest import Program, read_json
-from quadlift import batches
+from quadlift import tables
 
 SHAPES = ("outlines", "oriented_boxes")
 
@@ -46,7 +47,7 @@ class Shaped:
         }
 
     def table(self) -> Any:
-        """The detections as in `quadlift export parquet`."""
+        """The detections with the columns of `docs/scale-out.md`."""
         turned = np.array(self.found["oriented_boxes"])
         boxes = np.array(self.found["boxes"])
         flat = [None if corners is None else np.ravel(corners).tolist() for corners in self.found["outlines"]]
@@ -116,42 +117,47 @@ def test_tables_give_what_arrays_give(shaped: Shaped) -> None:
     noise_model = quadlift.localize(**frames, **shaped.found, body="ellipsoid").noise
     expected = quadlift.localize(**frames, **shaped.found, body="ellipsoid", noise_model=noise_model, upright=False)
     options: dict[str, Any] = {"up": shaped.frames["up"], "body": "ellipsoid", "noise_model": noise_model}
-    of_frames = batches.with_occluded_edges(batches.group(table, ["frame"]))
-    hidden = np.concatenate(of_frames.column("occluded_lines").to_pylist())
-    assert 0 < np.count_nonzero(hidden) < len(table)
-    rows = batches.group(batches.ungroup(of_frames), ["object"])
-    for part in (rows, rows.slice(3, 5)):
-        found = batches.localize_objects(part, cameras, **options)
-        ids = found.column("object").to_pylist()
+    rows = tables.occluded_edges(table)
+    assert 0 < np.count_nonzero(rows["occluded_lines"]) < len(table)
+    some = rows.filter(pc.is_in(rows["object"], pc.unique(rows["object"]).slice(3, 5)))
+    for part in (rows, some):
+        found = tables.localize(part, cameras, **options)
+        ids = found["object"].to_pylist()
         at = [list(expected.object_ids).index(name) for name in ids]
-        assert found.column("problem").to_pylist() == [None] * len(ids)
-        np.testing.assert_array_equal(np.array(found.column("center").to_pylist()), expected.centers[at])
+        assert found["problem"].to_pylist() == [None] * len(ids)
+        np.testing.assert_array_equal(np.array(found["center"].to_pylist()), expected.centers[at])
         np.testing.assert_array_equal(
-            np.array(found.column("covariance").to_pylist()), expected.covariances[at].reshape(len(ids), 81)
+            np.array(found["covariance"].to_pylist()), expected.covariances[at].reshape(len(ids), 81)
         )
     # A whole scene, in any order of its detections.
-    scene = batches.group(table.drop_columns("object").append_column("all", pa.array([0] * len(table))), ["all"])
     shuffled = table.take(pa.array(np.random.default_rng(0).permutation(len(table))))
-    other = batches.group(shuffled.drop_columns("object").append_column("all", pa.array([0] * len(table))), ["all"])
-    found, again = (batches.localize_scenes(rows.drop_columns("all"), cameras) for rows in (scene, other))
+    found, again = (tables.localize(rows.drop_columns("object"), cameras) for rows in (table, shuffled))
     assert found.num_rows >= 15
     assert found.equals(again)
 
 
+def test_scenes_give_their_tables(shaped: Shaped) -> None:
+    found, frames = quadlift.Scene.from_dict(shaped.document).to_arrow()
+    expected = shaped.table()
+    for name in expected.column_names:
+        if name != "frame":
+            assert found[name].to_pylist() == expected[name].to_pylist(), name
+    assert len(frames) == len(shaped.document["frames"])
+    assert frames["params"].to_pylist() == frames["intrinsics"].to_pylist()
+
+
 def test_wrong_columns_are_named(shaped: Shaped) -> None:
     table = shaped.table()
-    rows = batches.group(table.drop_columns("oriented_box_angle"), ["object"])
     with pytest.raises(quadlift.QuadliftError, match="there is no column 'oriented_box_angle'; expected all of"):
-        batches.localize_objects(rows, shaped.cameras(), method="planes")
+        tables.localize(table.drop_columns("oriented_box_angle"), shaped.cameras(), method="planes")
     odd = pa.array([[1.0, 2.0, 3.0]] * len(table), pa.list_(pa.float64()))
-    rows = batches.group(table.drop_columns("outline").append_column("outline", odd), ["object"])
+    without = table.drop_columns("outline")
     with pytest.raises(quadlift.QuadliftError, match="outline has a list of 3 numbers; expected x and y of each"):
-        batches.localize_objects(rows, shaped.cameras(), method="planes")
+        tables.localize(without.append_column("outline", odd), shaped.cameras(), method="planes")
     flat = pa.array([[1.0, 2.0, 3.0, 4.0]] * len(table), pa.list_(pa.float64()))
-    rows = batches.group(table.drop_columns("outline").append_column("outline", flat), ["object"])
-    found = batches.localize_objects(rows, shaped.cameras(), method="planes")
-    assert set(found.column("status").to_pylist()) == {"invalid"}
-    assert all("the outline has 2 points" in text for text in found.column("problem").to_pylist())
+    found = tables.localize(without.append_column("outline", flat), shaped.cameras(), method="planes")
+    assert set(found["status"].to_pylist()) == {"invalid"}
+    assert all("the outline has 2 points" in text for text in found["problem"].to_pylist())
 
 
 @pytest.mark.parametrize(

@@ -188,13 +188,13 @@ pub(crate) fn check_result_name(output: &Path, with_objects: bool) -> anyhow::Re
             usage(format!("the result is a scene file in JSON: write it with -o {json}"))
         }
         "html" | "htm" => usage(format!("the result is a JSON file, not a page: -o {json} --report {output}")),
-        "ply" | "glb" | "csv" | "parquet" | "rrd" => {
+        "ply" | "glb" | "csv" | "rrd" => {
             let format = if extension == "rrd" { "rerun" } else { &extension };
             usage(format!(
                 "the result is a JSON file: write it with -o {json}, then `quadlift export {format} {json} -o {output}`"
             ))
         }
-        "gltf" | "obj" | "stl" | "txt" | "yaml" | "yml" | "xml" | "pcd" | "png" | "jpg" => usage(format!(
+        "gltf" | "obj" | "stl" | "parquet" | "txt" | "yaml" | "yml" | "xml" | "pcd" | "png" | "jpg" => usage(format!(
             "the result is a JSON file: write it with -o {json}; `quadlift export` converts it to ply, glb, csv and \
              other formats"
         )),

@@ -4,11 +4,6 @@ use std::time::Duration;
 
 pub(crate) use quadlift_io::wording::{count, some_of};
 
-/// The error if Parquet is requested and the program was built without it.
-#[cfg(not(feature = "parquet"))]
-pub(crate) const NO_PARQUET: &str = "this program was built without Parquet; to add it: cargo install --path \
-     crates/quadlift-cli --features parquet";
-
 /// A duration: in milliseconds or seconds, with two decimals if it is short.
 pub(crate) fn duration(time: Duration) -> String {
     let milliseconds = 1e3 * time.as_secs_f64();

@@ -18,7 +18,7 @@ pub fn write_objects(detections: &mut [DetectionRecord], associated: &Scene) {
 
 /// Adds an association to a result: the detections with their object ids, and warnings of uncertain objects.
 /// `detections` are those of the associated file.
-pub fn add_to_result(
+pub(crate) fn add_to_result(
     result: &mut SceneFile,
     detections: Vec<DetectionRecord>,
     associated: &Scene,

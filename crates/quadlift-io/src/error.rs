@@ -42,7 +42,7 @@ impl ReadError {
     }
 
     /// A file in a format that a feature reads which is off in this build.
-    #[cfg(not(all(feature = "images", feature = "xml", feature = "yaml", feature = "parquet")))]
+    #[cfg(not(all(feature = "images", feature = "xml", feature = "yaml")))]
     pub(crate) fn left_out(path: &Path, format: &str, feature: &str) -> Self {
         Self::new(
             path,

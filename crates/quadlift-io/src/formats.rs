@@ -25,23 +25,9 @@ const LOGS: &[PoseFormat] = &[crate::mcap::FORMAT];
 #[cfg(not(feature = "mcap"))]
 const LOGS: &[PoseFormat] = &[];
 
-/// Tables, which are not recognized.
-#[cfg(feature = "parquet")]
-const TABLES: &[PoseFormat] = &[crate::tables::FORMAT];
-#[cfg(not(feature = "parquet"))]
-const TABLES: &[PoseFormat] = &[Format {
-    name: "parquet",
-    title: "Parquet",
-    about: "Tables of `quadlift export parquet`: not in this build",
-    looks: "",
-    options: &[],
-    finds: |probe| probe.when(false),
-    read: |path, _| Err(ReadError::left_out(path, "Parquet tables", "parquet")),
-}];
-
 /// The formats of cameras and poses.
 pub fn poses() -> impl Iterator<Item = &'static PoseFormat> + Clone {
-    LOGS.iter().chain(POSES).chain(TABLES)
+    LOGS.iter().chain(POSES)
 }
 
 /// The formats of detections.

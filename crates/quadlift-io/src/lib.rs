@@ -1,6 +1,5 @@
 //! File input and output of quadlift: the scene file ([`scene_file`]), the file of size priors ([`priors`]), other programs'
-//! formats in ([`read`]) and out ([`mod@write`]), scenes as Parquet tables (`tables`, feature
-//! `parquet`), and what the program and the Python package do with files: [`association`], [`evaluation`], [`coverage`],
+//! formats in ([`read`]) and out ([`mod@write`]), and what the program and the Python package do with files: [`association`], [`evaluation`], [`coverage`],
 //! [`segmentation`], [`relocalize`], [`align`], [`calibrate_rig`].
 //!
 //! Readers reject invalid input with a [`ReadError`] that names the file, the place in it, what was found and what
@@ -41,8 +40,6 @@ pub mod stream;
 pub mod mcap;
 pub mod run;
 pub mod synthetic_file;
-#[cfg(feature = "parquet")]
-pub mod tables;
 pub mod formats;
 pub mod write;
 pub mod align;

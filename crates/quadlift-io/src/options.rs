@@ -10,7 +10,7 @@ use crate::error::ReadError;
 use crate::scene_file::read_scene_file;
 
 /// The value of an option in JSON.
-pub fn value_record(value: OptionValue) -> Value {
+pub(crate) fn value_record(value: OptionValue) -> Value {
     match value {
         OptionValue::Unset => Value::Null,
         OptionValue::Flag(flag) => flag.into(),
@@ -23,7 +23,7 @@ pub fn value_record(value: OptionValue) -> Value {
 }
 
 /// The value of an option from JSON; `None` if no option has such a value.
-pub fn option_value(json: &Value) -> Option<OptionValue> {
+pub(crate) fn option_value(json: &Value) -> Option<OptionValue> {
     Some(match json {
         Value::Null => OptionValue::Unset,
         Value::Bool(flag) => (*flag).into(),

@@ -77,7 +77,7 @@ pub fn read_priors(path: &Path) -> Result<CategoryPriors, ReadError> {
 ///
 /// # Errors
 /// As [`read_priors`].
-pub fn parse_priors(path: &Path, text: &str) -> Result<CategoryPriors, ReadError> {
+pub(crate) fn parse_priors(path: &Path, text: &str) -> Result<CategoryPriors, ReadError> {
     let deserializer = toml::Deserializer::parse(text).map_err(|error| describe(path, text, &error, None))?;
     let tables: BTreeMap<String, Checked> = serde_path_to_error::deserialize(deserializer).map_err(|error| {
         let outside = text.parse::<toml::Table>().ok().and_then(|t| t.into_iter().find(|(_, value)| !value.is_table()));

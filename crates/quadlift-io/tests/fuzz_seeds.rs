@@ -92,12 +92,6 @@ fn localize() {
     run("localize", 40);
 }
 
-#[cfg(feature = "parquet")]
-#[test]
-fn parquet() {
-    run("parquet", COPIES);
-}
-
 /// The examples of a page of formats: the files of each section, and its commands that import them.
 fn examples(page: &str) -> Vec<targets::Example> {
     let mut found = Vec::new();
@@ -169,11 +163,8 @@ fn examples_of_formats() {
 #[test]
 fn every_target_has_seeds_and_a_test() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/seeds");
-    let mut folders: Vec<String> = std::fs::read_dir(folder)
-        .unwrap()
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .filter(|name| cfg!(feature = "parquet") || name != "parquet")
-        .collect();
+    let mut folders: Vec<String> =
+        std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     folders.sort();
     let names: Vec<&str> = targets::TARGETS.iter().map(|(name, _)| *name).collect();
     assert_eq!(names, folders);

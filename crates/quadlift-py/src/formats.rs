@@ -157,25 +157,8 @@ fn taken_with_time(format: &DetectionFormat) -> Vec<&'static str> {
     format.options.iter().copied().chain(["time_tolerance"]).collect()
 }
 
-/// Writes the whole scene as Parquet tables, into a folder.
-#[cfg(feature = "parquet")]
-fn export_tables(loaded: &Loaded, output: &Path) -> PyResult<Vec<String>> {
-    loaded.file().to_objects().map_err(refuse)?;
-    quadlift_io::tables::write_tables(output, loaded.file()).map_err(refuse)?;
-    Ok(Vec::new())
-}
-
-#[cfg(not(feature = "parquet"))]
-fn export_tables(_: &Loaded, _: &Path) -> PyResult<Vec<String>> {
-    Err(refuse("format is \"parquet\", which this build leaves out; build the package with the feature \"parquet\""))
-}
-
 /// Writes objects or cameras of a scene in a format of another program; what was converted, assumed and left out.
 pub(crate) fn export(loaded: &Loaded, format: &str, output: &Path, given: &Given) -> PyResult<Vec<String>> {
-    if format == "parquet" {
-        set::<WriteOptions>(WRITE, given, format, &[])?;
-        return export_tables(loaded, output);
-    }
     let rows: Vec<(&str, &ExportFormat)> = EXPORTS.iter().map(|row| (row.name, row)).collect();
     let format = choice("format", format, &rows)?;
     let options = WriteOptions { scene: loaded.path.clone(), ..set(WRITE, given, format.name, format.options)? };

@@ -1,7 +1,6 @@
 //! `quadlift export`: objects and cameras of a scene file in the formats of other programs.
 
 mod rerun;
-mod tables;
 
 use std::path::{Path, PathBuf};
 
@@ -24,7 +23,7 @@ const ABOUT: &str = "Export objects and cameras to other formats";
 const LONG_ABOUT: &str = "\
 Export objects and cameras to other formats
 
-Exports estimated and true objects alike. Objects without a body are skipped (except in CSV and Parquet) and counted.
+Exports estimated and true objects alike. Objects without a body are skipped (except in CSV) and counted.
 Conversions, assumptions and losses are printed.";
 
 const AFTER: &str = "\
@@ -43,8 +42,6 @@ Exit codes: 0 the file was written; 1 a file could not be read or written, or th
 pub(crate) enum Args {
     /// A row of the table.
     Of(&'static ExportFormat, Common, Given<WriteOptions>),
-    /// Parquet.
-    Tables(Common),
     /// Rerun.
     Rerun(rerun::Args),
 }
@@ -68,13 +65,11 @@ impl clap::Args for Args {
             let options = arguments(WRITE, |option| format.options.contains(&option));
             command.args(options).about(format.about).long_about(None::<&str>)
         });
-        let tables = Common::augment_args(clap::Command::new("parquet"));
-        let tables = tables.about("Parquet: a folder of tables with the whole scene file").long_about(None::<&str>);
         let rerun = rerun::Args::augment_args(clap::Command::new("rerun"));
         let rerun =
             rerun.about("Rerun: a folder that examples/to_rerun.py logs as a recording").long_about(None::<&str>);
         let command = command.about(ABOUT).long_about(LONG_ABOUT).after_help(AFTER);
-        command.subcommand_required(true).arg_required_else_help(true).subcommands(of_table.chain([tables, rerun]))
+        command.subcommand_required(true).arg_required_else_help(true).subcommands(of_table.chain([rerun]))
     }
 
     fn augment_args_for_update(command: clap::Command) -> clap::Command {
@@ -90,10 +85,7 @@ impl FromArgMatches for Args {
             let given = Given::of(matches, WRITE, |option| format.options.contains(&option));
             return Ok(Self::Of(format, Common::from_arg_matches(matches)?, given));
         }
-        Ok(match name {
-            "parquet" => Self::Tables(Common::from_arg_matches(matches)?),
-            _ => Self::Rerun(rerun::Args::from_arg_matches(matches)?),
-        })
+        Ok(Self::Rerun(rerun::Args::from_arg_matches(matches)?))
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
@@ -108,7 +100,6 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
             let options = WriteOptions { scene: common.scene.clone(), ..given.options() };
             export(&format.write, common, &options, out)
         }
-        Args::Tables(common) => tables::run(common, out),
         Args::Rerun(args) => rerun::run(args, out),
     }
 }

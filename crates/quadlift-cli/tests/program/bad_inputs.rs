@@ -792,7 +792,7 @@ fn exports() -> Vec<Case> {
         },
         of_truth("an export in place of the scene", 2, "export ply truth.json -o truth.json"),
         of_truth("an export into a folder that does not exist", 1, "export coco truth.json -o no/out.json"),
-        of_truth("an export in place of a folder", 1, "export ros truth.json -o tables"),
+        of_truth("an export in place of a folder", 1, "export coco truth.json -o tables"),
         of_truth("two tables of one name", 2, "export csv truth.json -o out.csv --views out.csv"),
         of_truth("a calibration without P2", 1, "export kitti truth.json -o out.txt --calib calib.txt"),
         of_truth("frusta of a negative depth", 2, "export ply truth.json -o out.ply --frusta=-1"),
@@ -800,7 +800,6 @@ fn exports() -> Vec<Case> {
         of_truth("places on Earth without an origin", 1, "export geojson truth.json -o out.json"),
         of_truth("places on Earth without meters", 1, "export geojson truth.json -o out.json --origin 48.2,16.37,170"),
         of_truth("an unknown format", 2, "export obj truth.json -o out.obj"),
-        of_truth("Parquet, which the program was built without", 2, "export parquet truth.json -o new"),
         of_truth("a recording in a folder with files", 1, "export rerun truth.json -o tables"),
         of_truth("a recording in place of a file", 1, "export rerun truth.json -o calib.txt"),
         of_truth("a recording in a folder that does not exist", 1, "export rerun truth.json -o no/out"),
@@ -929,7 +928,6 @@ pub(crate) fn row(title: &str) -> String {
 }
 
 #[test]
-#[cfg_attr(feature = "parquet", ignore = "the list has a case without Parquet")]
 fn every_bad_input_has_its_message() {
     let document = document();
     if std::env::var_os("QUADLIFT_UPDATE_DOCS").is_some() {

@@ -24,9 +24,7 @@ fn every_format_is_written_and_reported() {
         ("csv", "--views out.views"),
         ("kitti", "--only-detected"),
         ("bop", "--scene-id 3"),
-        ("boxer", "--only-detected"),
         ("coco", "--enclosing"),
-        ("ros", "--frame-id hall"),
     ] {
         report.push_str(&folder.succeed(&format!("export {format} objects.json -o out.{format} {options}")));
     }
@@ -36,11 +34,8 @@ fn every_format_is_written_and_reported() {
     let lines = |name: &str| folder.read(name).lines().count();
     assert_eq!((lines("out.csv"), lines("out.views")), (5, 1 + 3 * 12), "with a header, and the lost object");
     assert_eq!((lines("out.kitti"), lines("out.bop")), (3 * 12, 1 + 3 * 12));
-    assert_eq!(lines("out.boxer"), 1 + 3 * 12);
     assert!(folder.read("out.bop").lines().nth(1).unwrap().starts_with("3,0,"));
     assert_eq!(folder.json("out.coco")["annotations"].as_array().unwrap().len(), 3 * 12);
-    let ros = folder.json("out.ros");
-    assert_eq!((&ros["header"]["frame_id"], ros["detections"].as_array().unwrap().len()), (&json!("hall"), 3));
     // The same input gives the same bytes.
     for format in ["ply", "glb", "coco"] {
         folder.succeed(&format!("export {format} scene.json -o one"));
@@ -173,33 +168,6 @@ fn images_of_a_recording_are_those_of_the_pinhole_camera() {
     let recording = folder.json("out/recording.json");
     let k = |i: usize, j: usize| recording["frames"][0]["camera"]["intrinsics"][i][j].as_f64().unwrap();
     assert!((k(0, 0) - f).abs() < 1e-9 && (k(1, 2) - cy).abs() < 1e-9, "{recording:.200}");
-}
-
-#[cfg(feature = "parquet")]
-#[test]
-fn a_result_comes_back_from_parquet() {
-    let folder = result();
-    // As quadlift writes it.
-    folder.succeed("export parquet objects.json -o first");
-    folder.succeed("import parquet first -o once.json");
-    folder.succeed("export parquet once.json -o second");
-    let report = folder.succeed("import parquet second -o twice.json");
-    assert_eq!(
-        report.lines().next(),
-        Some("wrote twice.json: 1 camera, 12 frames, 0 detections, 4 objects"),
-        "{report}"
-    );
-    assert_eq!(folder.json("once.json"), folder.json("objects.json"));
-    assert_eq!(folder.read("once.json"), folder.read("twice.json"));
-    let run = folder.run("export parquet objects.json -o first");
-    assert_eq!((run.code, run.stderr.contains("the folder is not empty")), (1, true), "{}", run.stderr);
-    // A file that is damaged is told in one line.
-    let mut bytes = std::fs::read(folder.path("first/objects.parquet")).unwrap();
-    bytes[20..400].fill(0xFF);
-    folder.write("first/objects.parquet", bytes);
-    let run = folder.run("import parquet first -o no.json");
-    assert_eq!((run.code, run.stderr.lines().count()), (1, 1), "{}", run.stderr);
-    assert!(run.stderr.contains("cannot read the table"), "{}", run.stderr);
 }
 
 #[test]

@@ -101,7 +101,6 @@ const MESSAGES: [(&str, &[&str]); 4] = [
             "a truth without objects",
             "no common object",
             "objects without a body",
-            "Parquet, which the program was built without",
         ],
     ),
 ];

@@ -280,7 +280,7 @@ fn name_of<T: PartialEq>(table: &[(&'static str, T)], value: &T) -> &'static str
 ///
 /// `image_size` is that of all cameras, in pixels, if they have one; image scales are expressed as a size.
 /// `frame_offset` is the number that the detections currently give to frame 0.
-pub fn option_of(correction: &Correction, image_size: Option<[f64; 2]>, frame_offset: i64) -> String {
+pub(crate) fn option_of(correction: &Correction, image_size: Option<[f64; 2]>, frame_offset: i64) -> String {
     let (key, value) = match *correction {
         Correction::Up(direction) => return format!("--up {}", axis(direction)),
         Correction::FocalFactor(factor) => ("focal", short(factor)),

@@ -74,10 +74,10 @@ fn detections_are_told_apart() {
         ("b.json", r#"[{"image_id": 1, "bbox": [1, 2, 3, 4]}, {"x"#, Some("coco")),
         ("f.json", r#"[{"id": 1, "annotations": [], "data": {"image": "a"}}]"#, Some("label-studio")),
         ("g.json", r#"[{"image": "a", "id": 1, "annotator": 1, "annotation_id": 2}]"#, Some("label-studio")),
-        ("c.json", r#"[{"x_min": 1, "tracker_id": 4}]"#, Some("supervision")),
+        ("c.json", r#"[{"x_min": 1, "tracker_id": 4}]"#, Some("csv")),
         ("d.json", r#"{"version": "5", "shapes": []}"#, Some("labelme")),
         ("e.json", r#"{"format": "quadlift.scene"}"#, None),
-        ("a.csv", "x_min,y_min,x_max,y_max,class_id\n", Some("supervision")),
+        ("a.csv", "x_min,y_min,x_max,y_max,class_id\n", Some("csv")),
         ("b.csv", "image,x0,y0,x1,y1\n", Some("csv")),
         (
             "boxer_3dbbs.csv",

@@ -82,7 +82,7 @@ fn sequence(folder: &Path, options: &ReadOptions) -> Result<String, ReadError> {
 ///
 /// # Errors
 /// [`ReadError`] when the file cannot be read or has no such projection.
-pub fn read_cam_from_rect(path: &Path) -> Result<Matrix4<f64>, ReadError> {
+pub(crate) fn read_cam_from_rect(path: &Path) -> Result<Matrix4<f64>, ReadError> {
     Ok(calibration(path, &read_bytes(path)?)?.rectified_camera("P2")?.cam_from_rect)
 }
 

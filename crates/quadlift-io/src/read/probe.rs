@@ -239,11 +239,6 @@ impl Words {
     pub(crate) fn are_names(&self) -> bool {
         self.commas && self.words.iter().skip(1).all(|word| word.parse::<f64>().is_err())
     }
-
-    /// Whether one of them is this.
-    pub(crate) fn have(&self, name: &str) -> bool {
-        self.words.iter().any(|word| word == name)
-    }
 }
 
 impl Start {

@@ -159,7 +159,7 @@ impl Segmentation {
     }
 
     /// The problem of a detection.
-    pub fn problem_of(&self, detection: usize) -> Option<&Problem> {
+    pub(crate) fn problem_of(&self, detection: usize) -> Option<&Problem> {
         self.problems.list().get(self.problem_of[detection]?)
     }
 

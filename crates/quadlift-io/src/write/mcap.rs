@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion};
 use quadlift::geometry::{Body, CameraModel, Primitive, quaternion_from_rotation};
 
 use super::format::{ExportFormat, Writer};
-use super::ros::pose_covariance;
+use super::pose_covariance::pose_covariance;
 use super::scores::Scores;
 use super::stamps::{SECOND, stamps};
 use super::{CheckedScene, Document, Object, colors};

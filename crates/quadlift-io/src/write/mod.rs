@@ -14,16 +14,18 @@ mod coco;
 mod csv;
 mod glb;
 mod ply;
-mod ros;
+#[cfg_attr(not(feature = "mcap"), expect(dead_code, reason = "only logs have scores of views"))]
 mod scores;
 mod geojson;
+#[cfg(feature = "mcap")]
+mod pose_covariance;
+#[cfg(feature = "mcap")]
 mod stamps;
 #[cfg(feature = "mcap")]
 pub mod mcap;
 mod units;
 mod views;
 mod bop;
-mod boxer;
 mod kitti;
 
 #[cfg(test)]
@@ -43,19 +45,16 @@ pub use format::{ExportFormat, Writer};
 pub use options::{WRITE, WriteOptions};
 pub(crate) use units::meters_of;
 
-/// The formats of objects and cameras that are written. Tables and recordings are written by `tables` (feature `parquet`) and the crate
-/// quadlift-report.
+/// The formats of objects and cameras that are written. Recordings are written by the crate quadlift-report.
 pub const EXPORTS: &[ExportFormat] = &[
     ply::FORMAT,
     glb::FORMAT,
     kitti::FORMAT,
     bop::FORMAT,
-    boxer::FORMAT,
     coco::FORMAT,
     geojson::FORMAT,
     #[cfg(feature = "mcap")]
     mcap::FORMAT,
-    ros::FORMAT,
     csv::FORMAT,
     cameras::TUM,
     cameras::COLMAP,

@@ -50,6 +50,7 @@ impl Default for WriteOptions {
     }
 }
 
+#[cfg(feature = "mcap")]
 impl WriteOptions {
     /// The name of the world frame.
     pub(super) fn frame(&self) -> &str {

@@ -1,17 +1,22 @@
-//! Plain CSV tables of boxes, one row each.
+//! Plain tables of boxes, one row each: CSV, or a list of JSON objects. The files of supervision's `CSVSink` and `JSONSink` are
+//! such tables (`detection/tools/csv_sink.py` and `json_sink.py` of the package supervision).
 //!
 //! The first row names the columns: which image (`frame`, `image`, `time`, ...), the box (`x0, y0, x1, y1` or
 //! `x, y, width, height`, ...), and optionally `score`, `category`, `track_id`. Without a header the columns are
 //! `frame, x0, y0, x1, y1`, and `score` if there are six.
 
+use std::collections::BTreeSet;
 use std::path::Path;
+
+use serde_json::Value;
 
 use super::files::{DetectionFiles, DetectionFormat};
 use super::names::names;
-use super::table::{Row, Table, TableOptions, table_options};
+use super::table::{Row, Table, TableOptions, is_column, table_options};
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::read::format::Format;
+use crate::read::json::{Node, parse_json};
 
 /// The columns of a table that does not name them.
 const COLUMNS: [&str; 6] = ["frame", "x0", "y0", "x1", "y1", "score"];
@@ -20,10 +25,13 @@ const COLUMNS: [&str; 6] = ["frame", "x0", "y0", "x1", "y1", "score"];
 pub(super) const FORMAT: DetectionFormat = Format {
     name: "csv",
     title: "a CSV table",
-    about: "A CSV table of boxes",
+    about: "A CSV table of boxes, such as that of supervision's CSVSink or JSONSink",
     looks: "CSV (names of columns, or 5 or 6 numbers)",
     options: &["frame_column", "class_names", "pixel_centers"],
     finds: |probe| {
+        if probe.keys()?.has("x_min") {
+            return probe.when(true);
+        }
         let Some(line) = probe.line()? else { return Ok(None) };
         let is_score = |number: &Option<f64>| number.is_some_and(|score| (0.0..=1.0).contains(&score));
         probe.when(
@@ -42,9 +50,14 @@ pub(super) const FORMAT: DetectionFormat = Format {
 /// The detections in the bytes of a table; the path serves for messages.
 ///
 /// # Errors
-/// [`ReadError`] with the line, what was found and what was expected.
+/// [`ReadError`] with line or entry, what was found and what was expected.
 pub(super) fn parse_csv(path: &Path, bytes: &[u8], options: &TableOptions) -> Result<DetectionFiles, ReadError> {
-    table(path, as_utf8(path, bytes)?)?.detections(options)
+    let text = as_utf8(path, bytes)?;
+    if text.trim_start().starts_with(['[', '{']) {
+        let value = parse_json(path, bytes)?;
+        return table_of(path, &Node::root(path, &value), options)?.detections(options);
+    }
+    table(path, text)?.detections(options)
 }
 
 /// A table by its text.
@@ -82,6 +95,39 @@ pub(super) fn table<'a>(path: &'a Path, text: &str) -> Result<Table<'a>, ReadErr
             return Err(error(format!("found {} columns; expected {}", cells.len(), table.columns.len())));
         }
         table.rows.push(Row { line: Some(line), entry: None, cells });
+    }
+    Ok(table)
+}
+
+/// How many columns that are not read a message may list.
+const OTHER_COLUMNS: usize = 20;
+
+/// A list of objects as a table, whose columns are the keys of the first one: those that are read, and the first of the
+/// others for messages.
+fn table_of<'a>(path: &'a Path, root: &Node, options: &TableOptions) -> Result<Table<'a>, ReadError> {
+    let mut table = Table { path, columns: Vec::new(), rows: Vec::new() };
+    for (index, item) in root.items()?.iter().enumerate() {
+        let members = item.object()?;
+        if index == 0 {
+            let (mut names, mut others) = (BTreeSet::new(), 0);
+            for key in members.keys() {
+                let is_read = is_column(key, options) && names.insert(key.trim().to_lowercase());
+                others += usize::from(!is_read);
+                if is_read || others <= OTHER_COLUMNS {
+                    table.columns.push(key.clone());
+                }
+            }
+        }
+        let cell = |column: &String| match members.get(column) {
+            None | Some(Value::Null) => String::new(),
+            Some(Value::String(text)) => text.clone(),
+            Some(other) => other.to_string(),
+        };
+        let mut cells: Vec<String> = table.columns.iter().map(cell).collect();
+        let filled = cells.iter().rposition(|cell| !cell.is_empty()).map_or(0, |last| last + 1);
+        cells.truncate(filled);
+        cells.shrink_to_fit();
+        table.rows.push(Row { line: None, entry: Some(format!("[{index}]")), cells });
     }
     Ok(table)
 }

@@ -18,7 +18,6 @@ mod labelme;
 mod table;
 mod csv;
 mod boxer;
-mod supervision;
 mod voc;
 mod yolo_columns;
 pub(crate) mod yolo;
@@ -40,7 +39,6 @@ pub const DETECTIONS: &[DetectionFormat] = &[
     yolo::FORMAT,
     kitti_labels::FORMAT,
     labelme::FORMAT,
-    supervision::FORMAT,
     label_studio::FORMAT,
     coco::FORMAT,
     voc::FORMAT,

@@ -1,4 +1,4 @@
-//! Detections in tables with named columns: what CSV files and supervision's sinks share.
+//! Detections in tables with named columns: what CSV files and lists of JSON objects share.
 
 use std::path::Path;
 

@@ -12,7 +12,6 @@ use super::kitti_labels::parse_kitti_labels;
 use super::labelme::parse_labelme;
 use super::mot::{MotKind, MotOptions, parse_mot};
 use super::names::parse_names;
-use super::supervision::parse_supervision;
 use super::table::TableOptions;
 use super::voc::parse_voc;
 use super::yolo::{ExtraColumns, YoloKind, YoloOptions, parse_yolo, read_yolo};
@@ -102,7 +101,7 @@ fn coco_agrees_with_pycocotools() {
 #[test]
 fn the_sinks_of_supervision_are_read() {
     for name in ["sink.csv", "sink.json"] {
-        let files = (supervision::FORMAT.read)(&fixture(name), &ReadOptions::default()).unwrap();
+        let files = (super::csv::FORMAT.read)(&fixture(name), &ReadOptions::default()).unwrap();
         let records = added(files, &["000000", "000001", "000002"]);
         let expected = expected();
         let expected = expected["sinks"].as_array().unwrap();
@@ -116,7 +115,7 @@ fn the_sinks_of_supervision_are_read() {
             assert_eq!(record.category.as_deref(), expected["category"].as_str());
         }
     }
-    let turned = (supervision::FORMAT.read)(&fixture("turned.csv"), &ReadOptions::default()).unwrap();
+    let turned = (super::csv::FORMAT.read)(&fixture("turned.csv"), &ReadOptions::default()).unwrap();
     let record = &added(turned, &["a.png"])[0];
     let square = record.oriented_box.as_ref().unwrap();
     assert_eq!(square.center, [20.0, 20.0]);
@@ -591,12 +590,12 @@ fn tables_in_json_may_have_many_columns() {
     let row = "\"x_min\": 1, \"y_min\": 2, \"x_max\": 3, \"y_max\": 4, \"frame_number\": 0";
     let text = format!("[{{{many}{row}}}, {{{row}}}, {{{many}{row}}}]");
     let start = std::time::Instant::now();
-    let files = parse_supervision(Path::new("a.json"), text.as_bytes(), &TableOptions::default()).unwrap();
+    let files = parse_csv(Path::new("a.json"), text.as_bytes(), &TableOptions::default()).unwrap();
     assert_eq!(files.images.iter().map(|image| image.detections.len()).sum::<usize>(), 3);
     assert!(start.elapsed().as_secs() < 3, "{:?}", start.elapsed());
     // Other names are as they were, also with blanks and capitals.
     let text = text.replace("x_min", " X_Min ");
-    assert!(parse_supervision(Path::new("a.json"), text.as_bytes(), &TableOptions::default()).is_ok());
+    assert!(parse_csv(Path::new("a.json"), text.as_bytes(), &TableOptions::default()).is_ok());
 }
 
 #[test]

@@ -1,17 +1,10 @@
-//! JSON of the shape of ROS 2's `vision_msgs/Detection3DArray`: one detection per object, in the world. Meters.
-//!
-//! `bbox.size` are full extents and the pose is at the center. The covariance is that of `geometry_msgs`: 6x6 by rows,
-//! position and then turns about the fixed axes of the world.
+//! Covariances of poses as in ROS's `geometry_msgs`: 6x6, position and then turns about the fixed axes of the world.
 
 use std::f64::consts::PI;
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
-use quadlift::geometry::{Body, quaternion_from_rotation};
+use nalgebra::{Matrix3, SMatrix};
+use quadlift::geometry::Body;
 use quadlift::solve::{Covariance, CovarianceCoordinates};
-use serde_json::{Value, json};
-
-use super::format::{ExportFormat, Writer};
-use super::{CheckedScene, Document, Object};
 
 type Matrix6 = SMatrix<f64, 6, 6>;
 
@@ -20,49 +13,6 @@ const UNKNOWN_ANGLE: f64 = PI * PI / 3.0;
 
 /// A turn with a greater variance (squared radians) than this is not known: the linear law of errors ends there.
 const MAX_VARIANCE: f64 = 1.0;
-
-/// The row of this format.
-pub(super) const FORMAT: ExportFormat = ExportFormat {
-    name: "ros",
-    about: "JSON in the structure of ROS 2's vision_msgs/Detection3DArray",
-    options: &["enclosing", "frame_id"],
-    write: Writer::Bodies(|scene, options| Ok(ros(scene, options.frame()))),
-};
-
-/// The objects as a message whose header names `frame_id`, the name of the world.
-pub(super) fn ros(scene: &CheckedScene, frame_id: &str) -> Document {
-    let (meters, unit_note) = scene.meters();
-    let header = json!({ "stamp": { "sec": 0, "nanosec": 0 }, "frame_id": frame_id });
-    let detections: Vec<Value> = scene.objects.iter().map(|object| detection(object, meters, &header)).collect();
-    let counts = vec![("detection", detections.len())];
-    let document = json!({ "header": header, "detections": detections });
-    let notes = ["the axes are those of the scene's world".to_owned()].into_iter().chain(unit_note).collect();
-    Document { content: format!("{document:#}\n").into_bytes(), counts, notes }
-}
-
-fn detection(object: &Object, meters: f64, header: &Value) -> Value {
-    let body = &object.body;
-    let [w, x, y, z] = quaternion_from_rotation(&body.rotation);
-    let pose = json!({
-        "position": xyz(&(body.center.coords * meters)),
-        "orientation": { "x": x, "y": y, "z": z, "w": w },
-    });
-    // In ROS all zeros mean "unknown".
-    let covariance = object.covariance.as_ref().map(|c| pose_covariance(c, body, meters)).unwrap_or_default();
-    json!({
-        "header": header,
-        "results": [{
-            "hypothesis": { "class_id": object.category_name(), "score": 1.0 },
-            "pose": { "pose": pose, "covariance": covariance.transpose().as_slice() },
-        }],
-        "bbox": { "center": pose, "size": xyz(&(body.half_extents * (2.0 * meters))) },
-        "id": object.id,
-    })
-}
-
-fn xyz(v: &Vector3<f64>) -> Value {
-    json!({ "x": v.x, "y": v.y, "z": v.z })
-}
 
 /// Covariance of position (meters) and turns about the world's axes (radians).
 pub(super) fn pose_covariance(covariance: &Covariance, body: &Body, meters: f64) -> Matrix6 {
@@ -108,30 +58,10 @@ fn turn_from_shape(body: &Body) -> SMatrix<f64, 3, 6> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{BodyChoice, test_scene};
     use super::*;
-    use crate::scene_file::CovarianceRecord;
-    use nalgebra::{Point3, Rotation3};
+    use nalgebra::{Point3, Rotation3, Vector3};
     use quadlift::geometry::{Ellipsoid, vech3};
     use quadlift::solve::Matrix9;
-
-    #[test]
-    fn messages_have_the_shape_of_detection3darray() {
-        let mut file = test_scene::three_bodies();
-        file.objects.truncate(1);
-        let mut matrix = [[0.0; 9]; 9];
-        for k in 0..9 {
-            matrix[k][k] = if k < 3 { 0.01 } else { 1e-6 };
-        }
-        matrix[0][1] = 0.002;
-        matrix[1][0] = 0.002;
-        let coordinates = "center_vech_shape".into();
-        file.objects[0].covariance =
-            Some(Box::new(CovarianceRecord { coordinates, matrix, ..CovarianceRecord::default() }));
-        let document = ros(&CheckedScene::new(&file, BodyChoice::Tangent).unwrap(), "map");
-        insta::assert_snapshot!(String::from_utf8(document.content).unwrap());
-        assert_eq!(document.counts, [("detection", 1)]);
-    }
 
     #[test]
     fn turns_follow_the_shape_matrix() {
