@@ -4,10 +4,10 @@ use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::os::unix::fs::symlink;
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use crate::common::{Folder, RENDER};
-use serde_json::json;
+use serde_json::{Value, json};
 
 fn program(folder: &Folder) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_quadlift"));
@@ -137,24 +137,26 @@ fn image_paths_lead_to_the_images_from_wherever_the_result_is() {
     query["frames"][0].as_object_mut().unwrap().remove("cam_from_world");
     folder.write_json("in/query.json", &query);
     std::fs::create_dir_all(folder.path("far/away")).unwrap();
-    folder.succeed("demo --out in/desk");
-    for (command, images) in [
-        ("localize in/scene.json -o", "in/images"),
-        ("associate in/scene.json --ids ignore --min-views 2 -o", "in/images"),
-        ("stream in/scene.json --map", "in/images"),
-        ("relocalize in/map.json in/query.json -o", "in/images"),
-        ("calibrate-rig in/hall.json -o", "in/images"),
-        ("align in/desk/estimate.json in/desk/estimate.json -o", "in/desk/images"),
+    folder.succeed("synth -o in/desk.json --objects 12 --views 6 --noise box:0.02 --seed 5");
+    let mut desk = folder.json("in/desk.json");
+    desk["frames"][0]["image"] = json!("images/000000.jpg");
+    folder.write_json("in/desk.json", &desk);
+    folder.succeed("localize in/desk.json -o in/desk_map.json --body ellipsoid");
+    for command in [
+        "localize in/scene.json -o",
+        "associate in/scene.json --ids ignore --min-views 2 -o",
+        "stream in/scene.json --map",
+        "relocalize in/map.json in/query.json -o",
+        "calibrate-rig in/hall.json -o",
+        "align in/desk_map.json in/desk_map.json -o",
     ] {
-        // Aligning takes long.
-        let targets = ["far/away/result.json", "in/result.json", "result.json"];
-        for to in &targets[..if command.starts_with("align") { 1 } else { 3 }] {
+        for to in ["far/away/result.json", "in/result.json", "result.json"] {
             let run = folder.run(&format!("{command} {to}"));
             assert!(folder.path(to).exists(), "{command} {to}: {}", run.stderr);
             let result = folder.json(to);
             let image = result["frames"][0]["image"].as_str().unwrap();
             let found = folder.path(to).parent().unwrap().join(image).parent().unwrap().canonicalize().unwrap();
-            assert_eq!(found, folder.path(images).canonicalize().unwrap(), "{command} {to}: {image}");
+            assert_eq!(found, folder.path("in/images").canonicalize().unwrap(), "{command} {to}: {image}");
             std::fs::remove_file(folder.path(to)).unwrap();
         }
     }
@@ -235,10 +237,19 @@ fn a_scene_is_read_from_the_standard_input() {
     assert!(!output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
 }
 
-/// A scene whose export takes a while: its images are written one after the other into a temporary folder.
-fn large_images() -> Folder {
+/// A scene whose export takes minutes: the images of a thousand frames are written into a temporary folder.
+fn many_images() -> Folder {
     let folder = Folder::new();
-    folder.succeed("synth --render -o r/scene.json --objects 1 --views 12 --image-size 1200x900 --kinds ellipsoid");
+    folder.succeed("synth --render -o r/scene.json --objects 1 --views 2 --image-size 1200x900 --kinds ellipsoid");
+    let mut scene = folder.json("r/scene.json");
+    let frames = scene["frames"].as_array_mut().unwrap();
+    let first = frames[0].clone();
+    for k in 0..1000 {
+        let mut copy = first.clone();
+        copy["id"] = json!(format!("copy {k}"));
+        frames.push(copy);
+    }
+    folder.write_json("r/scene.json", &scene);
     folder
 }
 
@@ -250,9 +261,8 @@ fn left_after(signal: &str, folder: &Folder) -> Vec<String> {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    let start = Instant::now();
     while !folder.names().iter().any(|name| name.starts_with(".quadlift-")) {
-        assert!(start.elapsed() < Duration::from_secs(60) && child.try_wait().unwrap().is_none(), "nothing temporary");
+        assert!(child.try_wait().unwrap().is_none(), "nothing temporary");
         std::thread::sleep(Duration::from_millis(2));
     }
     assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
@@ -262,7 +272,7 @@ fn left_after(signal: &str, folder: &Folder) -> Vec<String> {
 
 #[test]
 fn signals_leave_no_temporary_files() {
-    let folder = large_images();
+    let folder = many_images();
     for signal in ["-INT", "-TERM", "-HUP"] {
         assert_eq!(left_after(signal, &folder), ["r"], "{signal}");
     }
@@ -304,9 +314,8 @@ fn patterns_do_not_follow_links_to_folders() {
         symlink(".", folder.path(name)).unwrap();
     }
     symlink("../elsewhere/c.json", folder.path("scenes/c.json")).unwrap();
-    let start = Instant::now();
-    folder.succeed("localize scenes/**/*.json -o out --quiet");
-    assert!(start.elapsed() < Duration::from_secs(30), "{:?}", start.elapsed());
+    let document: Value = serde_json::from_str(&folder.succeed("localize scenes/**/*.json -o out --json")).unwrap();
+    assert_eq!(document["scenes"].as_array().unwrap().len(), 3, "each file is read once: {document}");
     for name in ["a.json", "b.json", "c.json"] {
         assert!(folder.path("out").join(name).is_file(), "{name}");
     }
@@ -332,9 +341,7 @@ fn what_has_no_end_is_not_read() {
             "localize hostile.json --report out.html",
             "info hostile.json",
         ] {
-            let start = Instant::now();
             let run = folder.run(arguments);
-            assert!(start.elapsed() < Duration::from_secs(60), "{arguments}");
             assert!(run.code <= 1, "{arguments}: {}", run.stderr);
         }
     }

@@ -1,6 +1,7 @@
 //! The closed forms on synthetic views: what they recover, what they refuse, and what must not change the result.
 
 use crate::common::{Vech, Views, arc, camera, observe, projected, random_ellipsoid, scene, vech4};
+use crate::test_cases::cases;
 use nalgebra::{Matrix4, Point3, Vector2, Vector3, Vector4};
 use proptest::prelude::*;
 use quadlift::geometry::{Ellipse, Ellipsoid, Projection, vech3};
@@ -151,7 +152,7 @@ fn whatever_comes_out_of_extreme_numbers_is_finite() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(40))]
+    #![proptest_config(cases(40))]
 
     #[test]
     fn lfd_moves_and_scales_with_the_world(

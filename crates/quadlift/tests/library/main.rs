@@ -18,5 +18,7 @@ mod pfd_reference;
 mod refined_poses;
 mod noise_model;
 mod surroundings;
+#[path = "../../src/test_cases.rs"]
+mod test_cases;
 mod trust;
 mod upright;

@@ -7,6 +7,8 @@ use quadlift::solve::{CategoryPrior, Estimate, NoiseModel};
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, generate};
 use quadlift::{Localization, LocalizeOptions, localize};
 
+use crate::test_cases::cases;
+
 fn scene(seed: u64) -> Scene {
     let observations = Observations::Boxes;
     let noise = vec![Noise::BoxEdges(0.05)];
@@ -49,7 +51,7 @@ fn bits(estimate: &Estimate) -> String {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(6))]
+    #![proptest_config(cases(6))]
 
     #[test]
     fn an_object_does_not_depend_on_the_others(seed in 0u64..1000, kept in 1u32..(1 << 12), cuboids in any::<bool>()) {

@@ -2,6 +2,7 @@
 
 // The reader of the fixture is test code, which clippy cannot tell outside of #[test] functions.
 use crate::common::{Vech, Views, dense_pfd, normalized, scene, vech4};
+use crate::test_cases::cases;
 use nalgebra::{Matrix3x4, Vector2, Vector3};
 use proptest::prelude::*;
 use quadlift::geometry::{Ellipse, Projection};
@@ -67,7 +68,7 @@ fn pixel_coordinates_agree_with_100_digit_arithmetic() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(60))]
+    #![proptest_config(cases(60))]
 
     #[test]
     fn normalized_coordinates_agree_with_the_dense_decomposition(
