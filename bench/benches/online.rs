@@ -17,7 +17,7 @@ fn main() {
     {
         let given = if ids == IdPolicy::Ignore { SyntheticIds::Absent } else { SyntheticIds::True };
         let synthetic = street(3000, 9000, given);
-        let frames = frames(&synthetic);
+        let frames = frames(&synthetic.scene);
         let mut map = ObjectMap::new(OnlineOptions { ids, ..Default::default() }).expect("the options are valid");
         let times: Vec<Duration> = frames
             .iter()

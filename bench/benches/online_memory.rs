@@ -14,7 +14,7 @@ static ALLOCATOR: dhat::Alloc = dhat::Alloc;
 fn main() {
     let _profiler = dhat::Profiler::builder().testing().build();
     let synthetic = street(2000, 6000, SyntheticIds::Absent);
-    let frames = frames(&synthetic);
+    let frames = frames(&synthetic.scene);
     let before = dhat::HeapStats::get().curr_bytes;
     let mut map = ObjectMap::new(OnlineOptions::default()).expect("the options are valid");
     for frame in &frames {

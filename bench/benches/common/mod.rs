@@ -1,7 +1,7 @@
 //! The benchmarks are in `benches/`; here is what two of them share.
 
 use quadlift::online::{Frame, FrameUpdate, ObjectMap};
-use quadlift::scene::NewDetection;
+use quadlift::scene::{NewDetection, Scene};
 use quadlift::synthetic::{
     Detector, Noise, Observations, SyntheticIds, SyntheticOptions, SyntheticScene, Trajectory, generate,
 };
@@ -22,8 +22,7 @@ pub(crate) fn street(objects: usize, views: usize, ids: SyntheticIds) -> Synthet
 }
 
 /// The frames of a scene with their detections, in the order of time.
-pub(crate) fn frames(synthetic: &SyntheticScene) -> Vec<(Frame, Vec<NewDetection<'_>>)> {
-    let scene = &synthetic.scene;
+pub(crate) fn frames(scene: &Scene) -> Vec<(Frame, Vec<NewDetection<'_>>)> {
     let mut frames: Vec<(Frame, Vec<NewDetection>)> = scene
         .frames
         .iter()

@@ -421,13 +421,16 @@ fn cameras_that_share_nothing_give_nothing() {
     assert_eq!((association.outcome, association.clutter), (Outcome::NothingAgrees, 90));
 }
 
+/// Without bounds this takes hours; how long it takes is measured by the bench `crowds`.
 #[test]
-fn a_mass_of_boxes_takes_bounded_time() {
-    let started = std::time::Instant::now();
-    run(&scene_of(10, |frame| anywhere(if frame == 4 { 5000 } else { 20 }, frame)), &AssociateOptions::default());
-    run(&scene_of(8, |_| vec![[600.0, 400.0, 660.0, 460.0]; 100]), &AssociateOptions::default());
-    // Seconds even on a slow machine without optimization; without bounds it would be hours.
-    assert!(started.elapsed().as_secs() < 120, "{:?}", started.elapsed());
+fn a_mass_of_boxes_is_answered() {
+    let crowded = scene_of(10, |frame| anywhere(if frame == 4 { 5000 } else { 20 }, frame));
+    let found = run(&crowded, &AssociateOptions::default());
+    assert_eq!(found.object_of_detection.len(), 5180);
+    // Boxes in one place of every image, and poses that differ.
+    let stacked = scene_of(8, |_| vec![[600.0, 400.0, 660.0, 460.0]; 100]);
+    let found = run(&stacked, &AssociateOptions::default());
+    assert_eq!(found.object_of_detection.len(), 800);
 }
 
 #[test]

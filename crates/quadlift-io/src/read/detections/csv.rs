@@ -104,7 +104,7 @@ const OTHER_COLUMNS: usize = 20;
 
 /// A list of objects as a table, whose columns are the keys of the first one: those that are read, and the first of the
 /// others for messages.
-fn table_of<'a>(path: &'a Path, root: &Node, options: &TableOptions) -> Result<Table<'a>, ReadError> {
+pub(super) fn table_of<'a>(path: &'a Path, root: &Node, options: &TableOptions) -> Result<Table<'a>, ReadError> {
     let mut table = Table { path, columns: Vec::new(), rows: Vec::new() };
     for (index, item) in root.items()?.iter().enumerate() {
         let members = item.object()?;

@@ -6,7 +6,7 @@ use quadlift_segment::Rle;
 use serde_json::Value;
 
 use super::coco::{parse_coco, read_coco};
-use super::csv::parse_csv;
+use super::csv::{parse_csv, table_of};
 use super::files::LabelFile;
 use super::kitti_labels::parse_kitti_labels;
 use super::labelme::parse_labelme;
@@ -18,6 +18,7 @@ use super::yolo::{ExtraColumns, YoloKind, YoloOptions, parse_yolo, read_yolo};
 use super::*;
 use crate::error::ReadError;
 use crate::read::ReadOptions;
+use crate::read::json::{Node, parse_json};
 use crate::scene_file::{CameraRecord, DetectionRecord, FrameRecord, RleCounts, SceneFile};
 
 fn fixture(name: &str) -> PathBuf {
@@ -586,13 +587,17 @@ fn detections_that_are_matched_by_name_may_be_moved_to_other_frames() {
 
 #[test]
 fn tables_in_json_may_have_many_columns() {
-    let many: String = (0..60_000).map(|k| format!("\"c{k}\": 1, ")).collect();
+    let many: String = (0..5000).map(|k| format!("\"c{k}\": 1, ")).collect();
     let row = "\"x_min\": 1, \"y_min\": 2, \"x_max\": 3, \"y_max\": 4, \"frame_number\": 0";
     let text = format!("[{{{many}{row}}}, {{{row}}}, {{{many}{row}}}]");
-    let start = std::time::Instant::now();
     let files = parse_csv(Path::new("a.json"), text.as_bytes(), &TableOptions::default()).unwrap();
     assert_eq!(files.images.iter().map(|image| image.detections.len()).sum::<usize>(), 3);
-    assert!(start.elapsed().as_secs() < 3, "{:?}", start.elapsed());
+    // Of those that are not read only the first are kept: each is looked up in every row.
+    let path = Path::new("a.json");
+    let value = parse_json(path, text.as_bytes()).unwrap();
+    let table = table_of(path, &Node::root(path, &value), &TableOptions::default()).unwrap();
+    assert_eq!(table.columns.len(), 20 + 5);
+    assert!(table.rows.iter().all(|row| row.cells.len() <= 25));
     // Other names are as they were, also with blanks and capitals.
     let text = text.replace("x_min", " X_Min ");
     assert!(parse_csv(Path::new("a.json"), text.as_bytes(), &TableOptions::default()).is_ok());
