@@ -1,4 +1,4 @@
-# Sourced by .ci/run, .ci/release and scripts/test_all.sh: named steps, all of which run, also after a failure. Steps may run in
+# Sourced by .ci/run and .ci/release: named steps, all of which run, also after a failure. Steps may run in
 # lanes beside each other; each has a log of its own, printed when it ends. What failed is printed again at the end, where a
 # reader of a long log looks first.
 logs=$(mktemp -d)

@@ -18,10 +18,11 @@ use Run::{By, Not};
 
 /// How commands of other programs begin.
 const OTHERS: &[(&str, Run)] = &[
+    (".ci/release", By(".github/workflows/release.yml", ".ci/release")),
     (".ci/run", Not("it runs the tests")),
     (
         "cargo bench -p quadlift-bench --features timings",
-        By(".ci/run", "-p quadlift-bench --benches --features timings"),
+        By(".ci/run", "--all-targets --features quadlift-bench/timings"),
     ),
     ("cargo doc", By(".ci/run", "cargo doc --workspace --no-deps")),
     ("cargo install --locked --path crates/quadlift-cli", By("scripts/test_package.sh", "cargo package")),
@@ -43,8 +44,7 @@ const OTHERS: &[(&str, Run)] = &[
     ("rosbags-convert", Not("needs a recording in the old format")),
     ("scripts/fuzz.sh", Not("needs a nightly compiler; the seeds are among the tests")),
     ("scripts/golden.sh", Not("compares two programs, by hand")),
-    ("scripts/test.sh", By("scripts/test_all.sh", "scripts/test.sh")),
-    ("scripts/test_all.sh", By(".ci/run", "scripts/test_all.sh")),
+    ("scripts/test.sh", By(".ci/run", "scripts/test.sh")),
 ];
 
 fn text_of(file: &str) -> String {
