@@ -15,7 +15,6 @@ mod outputs;
 mod pose_check;
 mod progress;
 mod reading;
-mod rendered_scene;
 mod report;
 mod segmentation;
 mod signals;
