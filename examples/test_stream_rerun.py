@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from rerun.chunk import RrdReader
-from test_to_rerun import QUADLIFT, RENDERED, read, verified
+from test_to_rerun import QUADLIFT, RENDERED, quadlift, read, verified
 
 ENVIRONMENT = {**os.environ, "QUADLIFT_PYTHON": sys.executable}
 
