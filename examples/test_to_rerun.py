@@ -4,6 +4,7 @@ scripts/test_rerun.sh, which names the program in QUADLIFT and installs the pack
 import io
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -17,6 +18,7 @@ from PIL import Image
 from rerun.chunk import RrdReader
 
 QUADLIFT = os.environ["QUADLIFT"]
+RENDERED = Path(__file__).parents[1] / "crates/quadlift-cli/tests/fixtures/rendered"
 IMPORTER = Path(sys.executable).with_name("rerun-importer-quadlift")
 
 
@@ -90,7 +92,7 @@ class ToRerun(unittest.TestCase):
 
     def test_a_scene_with_images(self):
         folder = self.folder
-        quadlift(folder, "synth", "-o", "scene.json", "--render", "--objects", "3", "--views", "5")
+        shutil.copytree(RENDERED, folder, dirs_exist_ok=True)
         quadlift(folder, "localize", "scene.json", "-o", "estimate.json", "--body", "ellipsoid")
         recording = Recording(folder, "scene.json", "estimate.json")
         scene, estimate = read(folder / "scene.json"), read(folder / "estimate.json")
@@ -107,7 +109,7 @@ class ToRerun(unittest.TestCase):
         np.testing.assert_allclose(quaternions, w_last, atol=1e-6)
 
         images = recording.values("/world/camera/image", "EncodedImage:blob")
-        self.assertEqual([frame for frame, _ in images], [0, 1, 2, 3, 4])
+        self.assertEqual([frame for frame, _ in images], list(range(8)))
         for (_, [blob]), frame in zip(images, scene["frames"]):
             shown, source = Image.open(io.BytesIO(bytes(blob))), Image.open(folder / frame["image"])
             self.assertEqual(shown.size, source.size)
@@ -199,7 +201,7 @@ class ToRerun(unittest.TestCase):
 
     def test_from_python(self):
         folder = self.folder
-        quadlift(folder, "synth", "-o", "scene.json", "--render", "--objects", "3", "--views", "5")
+        shutil.copytree(RENDERED, folder, dirs_exist_ok=True)
         quadlift(folder, "localize", "scene.json", "-o", "estimate.json", "--body", "ellipsoid")
         expected = content(Recording(folder, "scene.json", "estimate.json").chunks)
         self.assertIn("/world/camera/image/outlines", expected)
@@ -224,7 +226,7 @@ class ToRerun(unittest.TestCase):
 
     def test_the_importer(self):
         folder = self.folder
-        quadlift(folder, "synth", "-o", "scene.json", "--render", "--objects", "3", "--views", "5")
+        shutil.copytree(RENDERED, folder, dirs_exist_ok=True)
         quadlift(folder, "localize", "scene.json", "-o", "estimate.json")
         quadlift(folder, "stream", "scene.json", "--map", "map.json")
         quadlift(folder, "export", "rerun", "scene.json", "estimate.json", "-o", "recording")

@@ -38,7 +38,6 @@ SYNTHETIC = {
     "points": "--trajectory street --views 24 --noise box:0.02 --points 300 --pose-noise 0.3",
     "far-away": "--objects 5 --noise box:0.03 --scale 100 --offset 1000,-5000,300",
     "hall": "--pedestrians 2 --cameras 3 --time-steps 40 --noise box:0.02",
-    "rendered": "--render --objects 2 --views 6 --image-size 240x180 --noise box:0.03",
     "map": "--objects 30 --views 20 --cube 60 --trajectory random --noise box:0.03 --seed 1",
     "map-seen-again": "--objects 30 --views 20 --cube 60 --trajectory random --noise box:0.03 --seed 1 --no-ids",
 }
@@ -137,7 +136,8 @@ def record(program, folder):
     folder.mkdir(parents=True)
     (folder / "in").mkdir()
     for name, target in (("real", DATA / "scenes"), ("cases", DATA.parent / "cases"), ("docs", ROOT / "docs/data"), ("seeds", ROOT / "fuzz/seeds"),
-                         ("fixtures", ROOT / "crates/quadlift-io/tests/fixtures")):
+                         ("fixtures", ROOT / "crates/quadlift-io/tests/fixtures"),
+                         ("rendered", ROOT / "crates/quadlift-cli/tests/fixtures/rendered")):
         (folder / "in" / name).symlink_to(target)
     # Suggestions of next commands name the program as it was called.
     (folder / "bin").mkdir()
@@ -149,11 +149,11 @@ def record(program, folder):
     for name, options in SYNTHETIC.items():
         cases.add(f"synth/{name}", f"synth -o scene.json {options}")
     lines += cases.run()
-    paths = {name: f"../../synth/{name}/scene.json" for name in SYNTHETIC}
+    paths = {name: f"../../synth/{name}/scene.json" for name in SYNTHETIC} | {"rendered": "../../in/rendered/scene.json"}
 
     # 2: bodies of all scenes, and in other settings.
     real = list(scenes_at_hand())
-    for name in SYNTHETIC:
+    for name in paths:
         cases.add(f"localize/{name}", "localize -o result.json", paths[name])
     for name, scene, source in real:
         cases.add(f"localize/{name}", f"localize -o result.json ../../in/real/{scene}.json --source {source}")

@@ -11,7 +11,7 @@ use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
 use criterion::{BenchmarkId, Criterion, Throughput};
-use quadlift_segment::render::{RenderOptions, render};
+use quadlift_bench::render::{RenderOptions, render};
 use quadlift_segment::{Crop, CropOptions, SegmentMethod, SegmentOptions, segment_object};
 
 const VIEWS: usize = 40;

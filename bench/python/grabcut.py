@@ -2,9 +2,9 @@
 """Times and scores OpenCV's GrabCut, frame by frame, beside `quadlift segment` on the same rendered scenes.
 
     python3 -m venv target/venv && target/venv/bin/pip install numpy pillow opencv-python-headless
-    cargo build --release -p quadlift-cli
+    cargo build --release -p quadlift-cli -p quadlift-bench
     for seed in 0 1 2 3 4 5; do
-        target/release/quadlift synth -q --render -o target/rendered/$seed/scene.json --noise box:0.1 --seed $seed
+        target/release/quadlift-bench render target/rendered/$seed --box-noise 0.1 --seed $seed
     done
     target/venv/bin/python bench/python/grabcut.py target/release/quadlift target/rendered/*/scene.json
 

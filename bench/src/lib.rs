@@ -29,6 +29,7 @@ pub mod plot;
 mod processor_time;
 mod progress;
 mod reg_weight;
+pub mod render;
 mod report;
 pub mod scores;
 pub mod segmentation;

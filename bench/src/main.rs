@@ -9,7 +9,7 @@ use anyhow::bail;
 use clap::{Parser, Subcommand};
 use indicatif::ProgressBar;
 use quadlift_bench::data::data_folder;
-use quadlift_bench::{CONVENTIONS, Experiment, Report, Run, compare, html_page, page, run, summary, verdicts};
+use quadlift_bench::{CONVENTIONS, Experiment, Report, Run, compare, html_page, page, render, run, summary, verdicts};
 use quadlift_io::write_file;
 use serde_json::{Value, json};
 
@@ -39,6 +39,8 @@ struct Cli {
 enum Command {
     /// Compare two programs, or two settings of one, on real and synthetic scenes
     Compare(compare::Args),
+    /// Write a rendered scene: images, true masks and true objects
+    Render(render::scene_files::Args),
     /// Noise of ellipses and of boxes, outliers (needs no data)
     Synthetic(Options),
     /// One object on a table, 100 views
@@ -126,10 +128,10 @@ struct VerdictOptions {
 }
 
 impl Command {
-    /// The experiments, the name of their files and their options; none for the comparison.
+    /// The experiments, the name of their files and their options; none for the comparison and rendering.
     fn experiments(&self) -> Option<(Vec<Experiment>, &Options)> {
         let (experiment, options) = match self {
-            Self::Compare(_) => return None,
+            Self::Compare(_) | Self::Render(_) => return None,
             Self::Synthetic(options) => (Experiment::Synthetic, options),
             Self::Accv(options) => (Experiment::Accv, options),
             Self::Tuw(options) => (Experiment::Tuw, options),
@@ -159,6 +161,7 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     let result = match (&cli.command, cli.command.experiments()) {
         (Command::Compare(args), _) => compare::run(args).and_then(|text| print(&text)),
+        (Command::Render(args), _) => render::scene_files::run(args),
         (_, Some((experiments, options))) => run_all(&experiments, options),
         (_, None) => Ok(()),
     };

@@ -14,6 +14,8 @@ import pytest
 from numpy.typing import NDArray
 
 ROOT = Path(__file__).parents[2]
+# Two objects in eight rendered images, with true masks and bodies.
+RENDERED = ROOT / "crates/quadlift-cli/tests/fixtures/rendered"
 
 
 class Program:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 import quadlift
-from conftest import Program, as_written, page_data, read_json
+from conftest import RENDERED, Program, as_written, page_data, read_json
 
 # What `synth` makes, and the options of the localization in both spellings.
 SCENES: dict[str, tuple[list[str], list[str], dict[str, Any]]] = {
@@ -261,8 +262,8 @@ def test_identities_are_scored(program: Program, tmp_path: Path) -> None:
 
 
 def test_masks(program: Program, tmp_path: Path) -> None:
+    shutil.copytree(RENDERED, tmp_path, dirs_exist_ok=True)
     scene, result, ours = tmp_path / "scene.json", tmp_path / "result.json", tmp_path / "ours.json"
-    program("synth", "-q", "-o", scene, "--render", "--objects", "2", "--views", "5")
     program("localize", "-q", scene, "-o", result, "--measurement", "mask")
     loaded = quadlift.Scene.read(scene)
     estimates = loaded.localize(measurement="mask")

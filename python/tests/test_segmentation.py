@@ -11,16 +11,12 @@ import numpy as np
 import pytest
 
 import quadlift
-from conftest import Program, read_json
-
-RENDER = ["--render", "--objects", "2", "--views", "5", "--kinds", "ellipsoid", "--image-size", "200x150"]
+from conftest import RENDERED, Program, read_json
 
 
 @pytest.fixture(scope="module")
-def folder(program: Program, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("rendered")
-    program("synth", "-q", "-o", folder / "scene.json", *RENDER)
-    return folder
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return Path(shutil.copytree(RENDERED, tmp_path_factory.mktemp("scene") / "rendered"))
 
 
 # Options in both spellings.
@@ -52,7 +48,7 @@ def test_masks_as_images(folder: Path, program: Program) -> None:
     segmented.write(folder / "ours.json")
     assert (folder / "ours.json").read_bytes() == (folder / "segmented.json").read_bytes()
     expected = sorted((folder / "expected").iterdir())
-    assert {path.name[:6] for path in expected} == {f"{k:06}" for k in range(5)}
+    assert {path.name[:6] for path in expected} == {f"{k:06}" for k in range(8)}
     assert len(list((folder / "theirs").iterdir())) == len(expected)
     for path in expected:
         assert (folder / "theirs" / path.name).read_bytes() == path.read_bytes()
@@ -72,10 +68,8 @@ def test_from_images_to_objects(folder: Path) -> None:
     assert scores.mean["iou3d"] > 0.6
 
 
-def test_what_goes_wrong_is_told(folder: Path, tmp_path: Path) -> None:
-    shutil.copytree(folder / "images", tmp_path / "images")
-    shutil.copytree(folder / "masks", tmp_path / "masks")
-    shutil.copy(folder / "scene.json", tmp_path / "scene.json")
+def test_what_goes_wrong_is_told(tmp_path: Path) -> None:
+    shutil.copytree(RENDERED, tmp_path, dirs_exist_ok=True)
     first = sorted((tmp_path / "images").iterdir())[0]
     first.unlink()
     scene = quadlift.Scene.read(tmp_path / "scene.json")
@@ -86,7 +80,7 @@ def test_what_goes_wrong_is_told(folder: Path, tmp_path: Path) -> None:
     in_first = [d["frame"] == first.stem for d in scene.to_dict()["detections"]]
     assert [status == "failed" for status in found] == in_first
     shutil.rmtree(tmp_path / "images")
-    with pytest.raises(quadlift.QuadliftError, match=r"none of the 5 images that the frames name exists"):
+    with pytest.raises(quadlift.QuadliftError, match=r"none of the 8 images that the frames name exists"):
         scene.segment()
 
 

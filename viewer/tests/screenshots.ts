@@ -1,15 +1,12 @@
-// Takes the pictures of docs/report.md of rendered scenes: `npm run screenshots` in viewer/. Look at them.
+// Takes the pictures of docs/report.md of the demo: `npm run screenshots` in viewer/. Look at them.
 
 import { join } from "node:path";
 import { launch, open, project, quadlift } from "./browser.ts";
 
-quadlift("synth", "-q", "-o", "scene.json", "--render", "--objects", "7", "--views", "24", "--seed", "5");
-quadlift("localize", "-q", "scene.json", "-o", "estimate.json");
-quadlift("evaluate", "-q", "estimate.json", "scene.json", "--report", "report.html");
 quadlift("demo", "-q", "--out", "demo");
 const browser = await launch();
 for (const [name, path, row, look] of [
-  ["report", "report.html", 3, { width: 1600, height: 1000 }],
+  ["report", "demo/report.html", 3, { width: 1600, height: 1000 }],
   ["report-narrow", "demo/report.html", -1, { width: 390, height: 844, dark: true }],
 ] as const) {
   const { page } = await open(browser, path, look);

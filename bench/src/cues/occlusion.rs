@@ -5,6 +5,7 @@
 
 use std::path::Path;
 
+use crate::render::{ObjectKind, RenderOptions, render};
 use quadlift::geometry::{Body, OutlineEnd, TangentLines};
 use quadlift::metrics::{ObjectScore, TruthObject};
 use quadlift::nalgebra::Vector2;
@@ -12,7 +13,6 @@ use quadlift::scene::Scene;
 use quadlift::solve::PosteriorOptions;
 use quadlift::{LocalizeOptions, MeasurementKind};
 use quadlift_io::read_scene_file;
-use quadlift_segment::render::{ObjectKind, RenderOptions, render};
 use quadlift_segment::{FrameMasks, Mask};
 use rayon::prelude::*;
 

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use crate::render::{RenderOptions, RenderedScene, render};
 use quadlift::geometry::Ellipse;
 use quadlift::metrics::TruthObject;
 use quadlift::scene::{Scene, SceneError};
 use quadlift_io::{ReadError, read_scene_file};
-use quadlift_segment::render::{RenderOptions, RenderedScene, render};
 use quadlift_segment::{
     Crop, CropOptions, FrameMasks, Mask, Moments, PixelTerm, SegmentOptions, SegmentStatus, ViewSegmentation,
     segment_object,
@@ -82,7 +82,7 @@ impl ImageScene {
         Ok(Self::new(truth, seen))
     }
 
-    /// Renders a scene of four objects in 20 views: the one of `quadlift synth --render --noise box:0.1 --seed N`.
+    /// Renders a scene of four objects in 20 views: that of `quadlift-bench render --box-noise 0.1 --seed N`.
     ///
     /// # Errors
     /// [`Error::Synthetic`], [`Error::Crop`].

@@ -17,7 +17,6 @@ mod outputs;
 mod pose_check;
 mod progress;
 mod reading;
-mod rendered_scene;
 mod report;
 mod segmentation;
 mod signals;

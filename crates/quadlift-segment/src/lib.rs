@@ -41,7 +41,6 @@ mod label_image;
 mod moments;
 mod parallel;
 mod polygon;
-pub mod render;
 mod resample;
 mod crop;
 mod rle;

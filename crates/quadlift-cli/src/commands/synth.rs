@@ -12,15 +12,13 @@ use quadlift::synthetic::{
     Detector, Noise, Observations, ShapeOptions, SyntheticIds, SyntheticOptions, SyntheticScene, Trajectory, generate,
 };
 use quadlift_io::write_scene_file;
-use quadlift_segment::render::{ObjectKind, RenderOptions, render};
 use serde_json::json;
 
 use crate::args;
 use crate::error::{Outcome, usage};
-use crate::files::{check_file, make_folder};
+use crate::files::check_file;
 use crate::next::Next;
 use crate::output::Output;
-use crate::rendered_scene::{check_folders, write_images, write_masks};
 use quadlift_io::synthetic_file::{scene_file, with_true_ids};
 
 /// Write a synthetic scene with ground truth
@@ -29,8 +27,7 @@ use quadlift_io::synthetic_file::{scene_file, with_true_ids};
 /// distance of 200. The ground truth is written as the `objects` of the scene; no estimator reads it. Options simulate
 /// a detector with misses and false positives, and the ids of a tracker, or no ids.
 ///
-/// --render also writes images and true masks for `segment`: textured objects stand on a cluttered ground, and a camera
-/// moves around them on an arc. --pedestrians writes a hall with fixed cameras for `calibrate-rig`.
+/// --pedestrians writes a hall with fixed cameras for `calibrate-rig`.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
@@ -63,10 +60,6 @@ Camera positions (--trajectory):
   random     anywhere above the objects, which lie on a floor; boxes are clipped at the image border
   street     a drive along parked cars, one length unit per view; views / 3 + 17 objects fill the street
 
---render writes images to `images` and label images of the masks to `masks`, two folders beside SCENE.json; boxes bound
-the visible pixels, and the true bodies are the smallest enclosing ellipsoids of the objects. It can be combined with
---objects, --views, --noise box:X, --trajectory arc:SPAN and --seed.
-
 --pedestrians writes fixed cameras (cam0, cam1, ...) at the walls of a hall of 8 x 6 m in which people walk, in meters, at time steps half a
 second apart (`rig_frame` and `time` of frames). It can be combined with --cameras, --time-steps, --noise box:X, --misses,
 --false-positives, --no-ids and --seed.
@@ -80,7 +73,6 @@ Examples:
   quadlift synth -o cues.json --views 2 --cues depth,box3d --cue-noise depth:0.1 --cue-noise yaw:20
   quadlift synth -o hall.json --pedestrians 2 --cameras 4 --noise box:0.03 --misses 0.2
   quadlift synth -o points.json --trajectory street --views 60 --noise box:0.02 --points 1000 --pose-noise 0.3
-  quadlift synth -o rendered/scene.json --render --objects 3 --noise box:0.05
   quadlift synth -o boxes.json --ground-truth truth.json --no-ids --cube 40 --noise box:0.05 --misses 0.2 --false-positives 0.15
   quadlift localize scene.json -o estimate.json && quadlift evaluate estimate.json scene.json"
 )]
@@ -89,9 +81,9 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "SCENE.json")]
     output: PathBuf,
 
-    /// Number of objects [default: 50; with --render: 4]
-    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1_000_000))]
-    objects: Option<usize>,
+    /// Number of objects
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = RangedU64ValueParser::<usize>::new().range(1..=1_000_000))]
+    objects: usize,
 
     /// Number of views
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = RangedU64ValueParser::<usize>::new().range(1..=1_000_000))]
@@ -122,9 +114,9 @@ pub(crate) struct Args {
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = args::finite)]
     outliers: f64,
 
-    /// Camera positions: paper, arc:SPAN, orbit, random or street (see below) [default: paper; with --render: arc:100]
-    #[arg(long, value_name = "PATH", value_parser = trajectory)]
-    trajectory: Option<Trajectory>,
+    /// Camera positions: paper, arc:SPAN, orbit, random or street (see below)
+    #[arg(long, value_name = "PATH", default_value = "paper", value_parser = trajectory)]
+    trajectory: Trajectory,
 
     /// Side of the cube that contains the objects, in length units before --scale
     #[arg(long, value_name = "SIDE", default_value_t = 20.0, value_parser = args::finite)]
@@ -163,20 +155,6 @@ pub(crate) struct Args {
     #[command(flatten)]
     cues: cues::CueArgs,
 
-    /// Render images and true masks
-    #[arg(
-        long,
-        help_heading = "Rendering",
-        conflicts_with_all = [
-            "body", "standing", "edge_bias", "measurement", "outliers", "scale", "offset", "cube", "pose_noise", "points", "DetectorArgs",
-            "IdArgs", "CueArgs"
-        ]
-    )]
-    render: bool,
-
-    #[command(flatten)]
-    rendering: Rendering,
-
     /// Write a hall with fixed cameras in which so many people walk
     #[arg(
         long,
@@ -185,7 +163,7 @@ pub(crate) struct Args {
         value_parser = RangedU64ValueParser::<usize>::new().range(1..=100),
         conflicts_with_all = [
             "objects", "views", "body", "standing", "edge_bias", "measurement", "outliers", "trajectory", "scale", "offset", "cube",
-            "pose_noise", "points", "duplicates", "occlusion", "fragments", "switches", "ground_truth", "CueArgs", "render"
+            "pose_noise", "points", "duplicates", "occlusion", "fragments", "switches", "ground_truth", "CueArgs"
         ]
     )]
     pedestrians: Option<usize>,
@@ -266,28 +244,6 @@ impl IdArgs {
     }
 }
 
-/// Options of rendered images.
-#[derive(clap::Args)]
-#[command(next_help_heading = "Rendering")]
-struct Rendering {
-    /// Width and height of the images in pixels [default: 480x360]
-    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = image_size, requires = "render")]
-    image_size: Option<[u32; 2]>,
-
-    /// Kinds of objects, used in turn: ellipsoid, hammer, mug, duck, chair, angle, car, drill, banana
-    /// [default: all, and a third of them ellipsoids]
-    #[arg(long, value_name = "KIND,...", value_delimiter = ',', value_parser = kind, requires = "render")]
-    kinds: Vec<ObjectKind>,
-
-    /// Fraction of the objects that have the color of the ground, from 0 to 1 [default: 0.25]
-    #[arg(long, value_name = "SHARE", value_parser = args::finite, requires = "render")]
-    camouflage: Option<f64>,
-
-    /// Factor on the sensor noise [default: 1]
-    #[arg(long, value_name = "FACTOR", value_parser = args::finite, requires = "render")]
-    sensor_noise: Option<f64>,
-}
-
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum Measured {
     Boxes,
@@ -321,34 +277,18 @@ fn trajectory(text: &str) -> Result<Trajectory, String> {
     }
 }
 
-fn image_size(text: &str) -> Result<[u32; 2], String> {
-    let size = text.split_once('x').map(|(width, height)| [width.parse(), height.parse()]);
-    match size {
-        Some([Ok(width), Ok(height)]) => Ok([width, height]),
-        _ => Err("expected WIDTHxHEIGHT in pixels, such as 640x480".to_owned()),
-    }
-}
-
-fn kind(text: &str) -> Result<ObjectKind, String> {
-    ObjectKind::ALL.into_iter().find(|kind| kind.name() == text).ok_or_else(|| {
-        let names: Vec<&str> = ObjectKind::ALL.iter().map(|kind| kind.name()).collect();
-        format!("expected {}", names.join(", "))
-    })
-}
-
 pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     if let Some(pedestrians) = args.pedestrians {
         return hall::run(args, pedestrians, out);
     }
-    let synthetic = if args.render { rendered(args)? } else { drawn(args)? };
+    let synthetic = drawn(args)?;
     let outliers = synthetic.outliers.iter().filter(|wrong| **wrong).count();
     let (objects, views) = (synthetic.truth.len(), synthetic.frames.len());
     let detections = synthetic.scene.detections.len();
     let extra = synthetic.true_objects.iter().filter(|object| object.is_none()).count();
     let made_up = if extra > 0 { format!(", {extra} false or twice") } else { String::new() };
-    let images = if args.render { " with images and masks" } else { "" };
     out.report(&format!(
-        "wrote {}: {objects} objects, {views} views{images}, {detections} detections, {outliers} of them \
+        "wrote {}: {objects} objects, {views} views, {detections} detections, {outliers} of them \
          outliers{made_up}\n",
         args.output.display(),
     ))?;
@@ -369,7 +309,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     Ok(Outcome::Fine)
 }
 
-/// A scene of detections alone.
+/// The scene that the options describe; its files are written.
 fn drawn(args: &Args) -> anyhow::Result<SyntheticScene> {
     check_file(&args.output)?;
     if let Some(truth) = &args.ids.ground_truth {
@@ -382,12 +322,12 @@ fn drawn(args: &Args) -> anyhow::Result<SyntheticScene> {
     let detector = &args.detector;
     let options = SyntheticOptions {
         seed: args.seed,
-        objects: args.objects.unwrap_or(defaults.objects),
+        objects: args.objects,
         kinds: args.body.clone(),
         standing: args.standing,
         edge_bias: args.edge_bias,
         views: args.views,
-        trajectory: args.trajectory.unwrap_or_default(),
+        trajectory: args.trajectory,
         scale: args.scale,
         offset: Vector3::from(args.offset),
         observations: match args.measurement {
@@ -435,52 +375,6 @@ fn drawn(args: &Args) -> anyhow::Result<SyntheticScene> {
     Ok(synthetic)
 }
 
-/// A scene with images; its folder is made.
-fn rendered(args: &Args) -> anyhow::Result<SyntheticScene> {
-    let defaults = RenderOptions::default();
-    let box_noise = match args.noise.as_slice() {
-        [] => 0.0,
-        [Noise::BoxEdges(amount)] => *amount,
-        _ => return usage("with --render only the boxes have noise, of one amount: --noise box:X"),
-    };
-    let arc = match args.trajectory {
-        None => defaults.arc,
-        Some(Trajectory::Arc { span }) => span,
-        Some(_) => return usage("with --render the cameras stand on an arc: --trajectory arc:SPAN"),
-    };
-    let [width, height] = args.rendering.image_size.unwrap_or([defaults.width, defaults.height]);
-    let kinds = &args.rendering.kinds;
-    let options = RenderOptions {
-        seed: args.seed,
-        objects: args.objects.unwrap_or(defaults.objects),
-        kinds: if kinds.is_empty() { defaults.kinds } else { kinds.clone() },
-        views: args.views,
-        width,
-        height,
-        arc,
-        camouflage: args.rendering.camouflage.unwrap_or(defaults.camouflage),
-        sensor_noise: args.rendering.sensor_noise.unwrap_or(defaults.sensor_noise),
-        box_noise,
-        least_visible: defaults.least_visible,
-    };
-    if args.output.is_dir() {
-        check_file(&args.output)?;
-    }
-    check_folders(&args.output)?;
-    let rendered = match render(&options) {
-        Ok(rendered) => rendered,
-        Err(error) => return usage(error.to_string()),
-    };
-    if let Some(folder) = args.output.parent() {
-        make_folder(folder)?;
-    }
-    let mut file = write_images(&rendered, &args.output)?;
-    write_masks(&rendered, &args.output, &mut file)?;
-    // Last, so that it never names images that do not exist.
-    write_scene_file(&args.output, &file)?;
-    Ok(rendered.synthetic)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -493,8 +387,5 @@ mod tests {
         assert_eq!(trajectory("arc:60"), Ok(Trajectory::Arc { span: 60.0 }));
         assert_eq!((trajectory("orbit"), trajectory("street")), (Ok(Trajectory::Orbit), Ok(Trajectory::Street)));
         assert!(trajectory("arc").is_err() && trajectory("circle:3").is_err());
-        assert_eq!(image_size("640x480"), Ok([640, 480]));
-        assert!(image_size("640").is_err() && image_size("-1x5").is_err());
-        assert_eq!((kind("mug"), kind("cup").is_err()), (Ok(ObjectKind::Mug), true));
     }
 }

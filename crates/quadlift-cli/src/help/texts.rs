@@ -140,7 +140,6 @@ pub(super) const TEXTS: &[Text] = &[
     of("synth", "pose_noise", SCENE, "DEG", "Set the rotation error of the cameras"),
     of("synth", "points", SCENE, "N", "Add tracked points about the objects"),
     of("synth", "ground_truth", "", "FILE", "Write the scene with the true objects"),
-    of("synth", "image_size", "", "WxH", "Set the size of the images"),
     of("synth", "cameras", "", "N", "Set the number of fixed cameras"),
     // Inputs.
     of("", "scenes", "", "SCENE", "Scene files, folders or patterns in quotes"),
@@ -277,10 +276,6 @@ pub(super) const TEXTS: &[Text] = &[
     of("", "switches", "", "SHARE", "Swap the tracks of neighbors"),
     of("", "cues", "", "CUE,...", "Choose what detections carry besides boxes"),
     of("", "cue_noise", "", "KIND:AMOUNT", "Set the errors of these cues"),
-    of("", "render", "", "", "Render images and true masks"),
-    of("", "kinds", "", "KIND,...", "Choose the kinds of rendered objects"),
-    of("", "camouflage", "", "SHARE", "Give some objects the ground's color"),
-    of("", "sensor_noise", "", "FACTOR", "Scale the noise of the sensor"),
     of("", "pedestrians", "", "N", "Write a hall with walking people"),
     of("", "time_steps", "", "N", "Set the number of time steps"),
     // All commands.

@@ -6,7 +6,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use crate::common::{Folder, RENDER, Run};
+use crate::common::{Folder, Run};
 use serde_json::{Value, json};
 
 /// A bad input.
@@ -273,7 +273,7 @@ fn rendered(
     change: impl Fn(&mut Value, &Folder) + 'static,
 ) -> Case {
     let make = move |folder: &Folder| {
-        folder.succeed(RENDER);
+        folder.rendered_scene("scene.json", 3);
         let mut scene = folder.json("scene.json");
         change(&mut scene, folder);
         folder.write_json("scene.json", &scene);
@@ -292,10 +292,7 @@ fn every(scene: &mut Value, list: &str, change: impl Fn(&mut Value)) {
 fn images() -> Vec<Case> {
     let image = "images/000001.png";
     let smaller = |folder: &Folder, name: &str| {
-        folder.succeed("synth --render -o other/scene.json --objects 1 --views 1 --image-size 80x60");
-        std::fs::copy(folder.path(&format!("other/{name}/000000.png")), folder.path(&format!("{name}/000001.png")))
-            .unwrap();
-        std::fs::remove_dir_all(folder.path("other")).unwrap();
+        image::GrayImage::new(80, 60).save(folder.path(&format!("{name}/000001.png"))).unwrap();
     };
     vec![
         rendered("an image that does not exist", 1, SEGMENT, move |_, folder| {
@@ -313,7 +310,7 @@ fn images() -> Vec<Case> {
             std::fs::remove_dir_all(folder.path("images")).unwrap();
         }),
         rendered("a box outside of the image", 1, SEGMENT, |scene, _| {
-            scene["detections"][3]["box"] = json!([170, 20, 210, 60]);
+            scene["detections"][3]["box"] = json!([250, 20, 290, 60]);
         }),
         rendered("a box without a width", 1, SEGMENT, |scene, _| {
             scene["detections"][3]["box"] = json!([70, 20, 70.001, 60]);
@@ -336,16 +333,16 @@ fn images() -> Vec<Case> {
         rendered("a mask of another size than the image", 1, MASKS, move |_, folder| smaller(folder, "masks")),
         rendered("a value that no pixel has", 1, MASKS, |scene, _| scene["detections"][3]["mask"]["value"] = json!(9)),
         rendered("an empty mask", 1, MASKS, |scene, _| {
-            scene["detections"][3]["mask"] = json!({"rle": {"size": [120, 160], "counts": [19200]}});
+            scene["detections"][3]["mask"] = json!({"rle": {"size": [180, 240], "counts": [43200]}});
         }),
         rendered("runs that do not fill their image", 1, MASKS, |scene, _| {
-            scene["detections"][3]["mask"] = json!({"rle": {"size": [120, 160], "counts": [100, 20]}});
+            scene["detections"][3]["mask"] = json!({"rle": {"size": [180, 240], "counts": [100, 20]}});
         }),
         rendered("a mask in two forms", 1, MASKS, |scene, _| {
             scene["detections"][3]["mask"]["polygons"] = json!([[0, 0, 9, 0, 9, 9]]);
         }),
         rendered("a mask of a single pixel", 1, MASKS, |scene, _| {
-            scene["detections"][3]["mask"] = json!({"rle": {"size": [120, 160], "counts": [100, 1, 19099]}});
+            scene["detections"][3]["mask"] = json!({"rle": {"size": [180, 240], "counts": [100, 1, 43099]}});
         }),
         rendered("masks as measurements where there are none", 1, LOCALIZE_MASKS, |scene, _| {
             every(scene, "detections", |d| without(d, "mask"));
@@ -368,18 +365,10 @@ fn images() -> Vec<Case> {
             |_, _| {},
         ),
         rendered("a segmentation in place of its scene", 2, "segment scene.json -o scene.json", |_, _| {}),
-        Case {
-            make: Box::new(|folder| folder.write("images/cup.png", "")),
-            ..called("rendered images among others", 1, "synth --render -o scene.json")
-        },
-        called("an unknown kind of object", 2, "synth --render -o out.json --kinds cup"),
-        called("an image size without rendering", 2, "synth -o out.json --image-size 640x480"),
         called("an unknown key of --assume", 2, "localize scene.json --assume pose=opengl"),
         called("an unknown value of a key", 2, "localize scene.json --assume boxes=xyhw"),
         called("a key twice", 2, "localize scene.json --assume boxes=xywh,boxes=yxyx"),
         called("a key of a scene", 2, "import mot mot.txt --into scene.json -o out.json --assume poses=opengl"),
-        called("rendered images that are too small", 2, "synth --render -o out.json --image-size 8x8"),
-        called("ellipse noise on rendered scenes", 2, "synth --render -o out.json --noise re:45"),
     ]
 }
 
@@ -627,7 +616,6 @@ fn choices() -> Vec<Case> {
         called("an unknown error of depths", 2, "synth -o out.json --cues depth --cue-noise fog:1"),
         called("a share of flipped 3D boxes above one", 2, "synth -o out.json --cues box3d --cue-noise flips:2"),
         called("errors of 3D boxes without 3D boxes", 2, "synth -o out.json --cues depth --cue-noise yaw:10"),
-        called("a detector of rendered scenes", 2, "synth --render -o out.json --misses 0.1"),
         called("ellipses of cuboids", 2, "synth -o out.json --body cuboid --measurement ellipses"),
     ]
 }

@@ -1,6 +1,6 @@
 //! `quadlift export` from end to end: every format of a result, and what is said about it.
 
-use crate::common::{Folder, RENDER};
+use crate::common::Folder;
 use serde_json::{Value, json};
 
 /// A folder with `objects.json`: three estimated cuboids, and an object without a body.
@@ -81,7 +81,7 @@ fn json_tells_counts_and_what_was_left_out() {
 #[test]
 fn a_recording_has_what_the_files_of_a_scene_hold() {
     let folder = Folder::new();
-    folder.succeed(RENDER);
+    folder.rendered_scene("scene.json", 3);
     folder.succeed("localize scene.json -o objects.json -q");
     let mut scene = folder.json("scene.json");
     scene["frames"][1]["time"] = json!(2.5);
@@ -97,7 +97,7 @@ fn a_recording_has_what_the_files_of_a_scene_hold() {
     let values = |key: &str| frames.iter().map(|frame| frame[key].clone()).collect::<Vec<_>>();
     assert_eq!(values("time"), [json!(null), json!(2.5), json!(null)]);
     assert_eq!(values("image"), [json!("images/000000.jpg"), json!("images/000001.jpg"), json!(null)]);
-    assert_eq!(values("size"), [json!([160.0, 120.0]), json!([160.0, 120.0]), json!([160.0, 120.0])]);
+    assert_eq!(values("size"), [json!([240.0, 180.0]), json!([240.0, 180.0]), json!([240.0, 180.0])]);
     let numbers = |value: &Value| -> Vec<f64> {
         let rows = value.as_array().unwrap().iter();
         rows.flat_map(|row| serde_json::from_value::<Vec<f64>>(row.clone()).unwrap()).collect()
@@ -138,17 +138,17 @@ fn a_recording_has_what_the_files_of_a_scene_hold() {
 #[test]
 fn images_of_a_recording_are_those_of_the_pinhole_camera() {
     let folder = Folder::new();
-    folder.succeed(RENDER);
+    folder.rendered_scene("scene.json", 3);
     let mut scene = folder.json("scene.json");
     let [f, _, cx, cy]: [f64; 4] = serde_json::from_value(scene["cameras"][0]["params"].clone()).unwrap();
     scene["cameras"][0]["model"] = json!("SIMPLE_RADIAL");
     scene["cameras"][0]["params"] = json!([f, cx, cy, -0.3]);
     folder.write_json("lens.json", &scene);
-    // A disc where the lens shows the pinhole pixel (135, cy): at r (1 + k r^2) of the center.
-    let r = (135.0 - cx) / f;
+    // A disc where the lens shows the pinhole pixel (202.5, cy): at r (1 + k r^2) of the center.
+    let r = (202.5 - cx) / f;
     let place = cx + f * r * (1.0 - 0.3 * r * r);
-    assert!(place < 134.0, "{place}");
-    let disc = image::RgbImage::from_fn(160, 120, |x, y| {
+    assert!(place < 201.0, "{place}");
+    let disc = image::RgbImage::from_fn(240, 180, |x, y| {
         let distance = (f64::from(x) + 0.5 - place).hypot(f64::from(y) + 0.5 - cy);
         image::Rgb([if distance < 5.0 { 255 } else { 0 }; 3])
     });
@@ -163,7 +163,7 @@ fn images_of_a_recording_are_those_of_the_pinhole_camera() {
         light += weight;
     }
     let middle = sum.map(|x| x / light);
-    assert!((middle[0] - 135.0).abs() < 0.3 && (middle[1] - cy).abs() < 0.3, "{middle:?} {place}");
+    assert!((middle[0] - 202.5).abs() < 0.3 && (middle[1] - cy).abs() < 0.3, "{middle:?} {place}");
     // The camera is the pinhole camera.
     let recording = folder.json("out/recording.json");
     let k = |i: usize, j: usize| recording["frames"][0]["camera"]["intrinsics"][i][j].as_f64().unwrap();

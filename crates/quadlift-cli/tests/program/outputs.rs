@@ -6,7 +6,7 @@ use std::os::unix::fs::symlink;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use crate::common::{Folder, RENDER};
+use crate::common::Folder;
 use serde_json::{Value, json};
 
 fn program(folder: &Folder) -> Command {
@@ -60,7 +60,7 @@ fn results_are_appended_to_the_standard_output_by_any_of_its_names() {
 #[test]
 fn files_that_a_run_reads_or_that_its_scene_names_are_not_overwritten() {
     let folder = Folder::new();
-    folder.succeed(RENDER);
+    folder.rendered_scene("scene.json", 3);
     folder.succeed("localize scene.json -o result.json --quiet");
     folder.write("priors.json", "[car]\nsize_mean = [4.0, 1.8, 1.5]\nsize_sd = [0.4, 0.1, 0.1]\n");
     std::fs::hard_link(folder.path("scene.json"), folder.path("hard.json")).unwrap();
@@ -125,9 +125,7 @@ fn a_demo_does_not_overwrite_files() {
 #[test]
 fn image_paths_lead_to_the_images_from_wherever_the_result_is() {
     let folder = Folder::new();
-    folder.succeed(
-        "synth --render -o in/scene.json --objects 3 --views 4 --image-size 160x120 --kinds ellipsoid --seed 3",
-    );
+    folder.rendered_scene("in/scene.json", 4);
     folder.succeed("synth -o in/hall.json --pedestrians 2 --cameras 4 --time-steps 40 --noise box:0.03 --seed 1");
     let mut hall = folder.json("in/hall.json");
     hall["frames"][0]["image"] = json!("images/000000.jpg");
@@ -240,9 +238,20 @@ fn a_scene_is_read_from_the_standard_input() {
 /// A scene whose export takes minutes: the images of a thousand frames are written into a temporary folder.
 fn many_images() -> Folder {
     let folder = Folder::new();
-    folder.succeed("synth --render -o r/scene.json --objects 1 --views 2 --image-size 1200x900 --kinds ellipsoid");
+    std::fs::create_dir(folder.path("r")).unwrap();
+    folder.succeed("synth -o r/scene.json --objects 1 --views 2");
     let mut scene = folder.json("r/scene.json");
+    let [width, height] = ["width", "height"].map(|side| scene["cameras"][0][side].as_u64().unwrap() as u32);
+    // Noise, which takes long to read and to compress.
+    let mut state = 1u32;
+    let image = image::RgbImage::from_fn(width, height, |_, _| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let [_, a, b, c] = state.to_le_bytes();
+        image::Rgb([a, b, c])
+    });
+    image.save(folder.path("r/noise.png")).unwrap();
     let frames = scene["frames"].as_array_mut().unwrap();
+    frames.iter_mut().for_each(|frame| frame["image"] = json!("noise.png"));
     let first = frames[0].clone();
     for k in 0..1000 {
         let mut copy = first.clone();
@@ -324,7 +333,7 @@ fn patterns_do_not_follow_links_to_folders() {
 #[test]
 fn what_has_no_end_is_not_read() {
     let folder = Folder::new();
-    folder.succeed(RENDER);
+    folder.rendered_scene("scene.json", 3);
     assert!(Command::new("mkfifo").arg(folder.path("pipe")).status().unwrap().success());
     for path in ["pipe", "/dev/zero"] {
         let run = folder.run_list(&["info", path]);

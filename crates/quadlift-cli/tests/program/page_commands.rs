@@ -150,7 +150,8 @@ fn benches_and_experiments_on_pages_exist() {
             benches += 1;
         }
         for name in names(&page, "quadlift-bench -- ").chain(names(&page, "`quadlift-bench ")) {
-            let exists = ["NAME", "compare", "all"].contains(&name) || experiments.contains(&format!("=> \"{name}\""));
+            let exists =
+                ["NAME", "all", "compare", "render"].contains(&name) || experiments.contains(&format!("=> \"{name}\""));
             // Before the name of `quadlift-bench -- --help` there is none.
             assert!(exists || name.starts_with("--"), "{}: there is no experiment {name}", path.display());
             count += 1;

@@ -1,6 +1,6 @@
 //! Reports and pictures: what is in them. How the page behaves in a browser is tested in `viewer/tests`.
 
-use crate::common::{Folder, RENDER};
+use crate::common::Folder;
 use serde_json::Value;
 
 /// The data in a page.
@@ -55,7 +55,7 @@ fn a_report_has_estimates_truth_scores_and_rejected_boxes() {
 #[test]
 fn images_are_embedded_and_missing_ones_are_told() {
     let folder = Folder::new();
-    folder.succeed(RENDER);
+    folder.rendered_scene("scene.json", 3);
     std::fs::remove_file(folder.path("images/000001.png")).unwrap();
     folder.succeed("localize scene.json --report objects.html");
     let report = data(&folder.read("objects.html"));
@@ -81,7 +81,7 @@ fn several_scenes_have_several_reports() {
 #[test]
 fn segment_shows_ellipses() {
     let folder = Folder::new();
-    folder.succeed(RENDER);
+    folder.rendered_scene("scene.json", 3);
     folder.succeed("segment scene.json -o out.json --method masks --report out.html");
     let report = data(&folder.read("out.html"));
     let ellipses: usize = report["frames"]
@@ -110,7 +110,7 @@ fn view_shows_files_together_in_any_order() {
 #[test]
 fn pictures_have_the_size_of_the_frame_and_show_what_is_asked_for() {
     let folder = Folder::new();
-    folder.succeed(RENDER);
+    folder.rendered_scene("scene.json", 3);
     folder.succeed("localize scene.json -o objects.json -q");
     for name in ["frame.png", "frame.svg"] {
         folder.succeed(&format!("render scene.json objects.json --frame 000001 -o {name} --labels"));
@@ -122,7 +122,7 @@ fn pictures_have_the_size_of_the_frame_and_show_what_is_asked_for() {
     let pixels = plain.pixels().len();
     assert!(changed > pixels / 50 && changed < pixels * 9 / 10, "{changed} of {pixels}");
     let svg = folder.read("frame.svg");
-    assert!(svg.contains("width=\"160\" height=\"120\"") && svg.contains("data:image/png;base64,"), "{svg:.300}");
+    assert!(svg.contains("width=\"240\" height=\"180\"") && svg.contains("data:image/png;base64,"), "{svg:.300}");
     assert_eq!(svg.matches("<text ").count(), 2, "two objects have labels");
     // Bodies, truth and boxes.
     assert!(svg.matches("<polygon ").count() >= 2 && svg.matches("<polyline ").count() >= 8);

@@ -1,6 +1,6 @@
 //! From images to masks, ellipses and objects, through the built program.
 
-use crate::common::{Folder, RENDER};
+use crate::common::Folder;
 use image::{DynamicImage, ImageBuffer, Luma};
 use serde_json::{Value, json};
 
@@ -24,15 +24,7 @@ fn detections(folder: &Folder, name: &str) -> Vec<Value> {
 #[test]
 fn the_whole_way_from_images_to_objects() {
     let folder = Folder::new();
-    let text =
-        folder.succeed("synth --render -o r/scene.json --objects 2 --views 6 --kinds ellipsoid --image-size 240x180");
-    assert_eq!(
-        text,
-        "wrote r/scene.json: 2 objects, 6 views with images and masks, 12 detections, 0 of them outliers\n\nNext\n  \
-         localize its objects    quadlift localize r/scene.json -o objects.json\n  \
-         view it in the browser  quadlift view r/scene.json\n"
-    );
-    assert_eq!(std::fs::read_dir(folder.path("r/images")).unwrap().count(), 6);
+    folder.rendered_scene("r/scene.json", 6);
     let text = folder.succeed("segment r/scene.json -o r/out.json --contact-sheets r/sheets");
     insta::assert_snapshot!("segment", text);
     let sheet = image::open(folder.path("r/sheets/object_000.png")).unwrap();
@@ -57,7 +49,7 @@ fn the_whole_way_from_images_to_objects() {
 #[test]
 fn images_from_a_video() {
     let folder = Folder::new();
-    folder.succeed("synth --render -o r/scene.json --objects 2 --views 6 --kinds ellipsoid --image-size 240x180");
+    folder.rendered_scene("r/scene.json", 6);
     folder.succeed("segment r/scene.json -o images.json");
     let scene = folder.json("r/scene.json");
     let frames = scene["frames"].as_array().unwrap();
@@ -108,7 +100,7 @@ fn images_from_a_video() {
 #[test]
 fn the_rest_of_the_scene_is_kept() {
     let folder = Folder::new();
-    folder.succeed(RENDER);
+    folder.rendered_scene("scene.json", 3);
     let mut scene = folder.json("scene.json");
     scene["mine"] = json!([1, 2]);
     scene["frames"][0]["exposure"] = json!(0.01);
@@ -120,7 +112,7 @@ fn the_rest_of_the_scene_is_kept() {
         let record = detection.as_object_mut().unwrap();
         assert!(record.remove("ellipse").is_some() && record.remove("segmentation").is_some());
         let mask = record.insert("mask".to_owned(), scene["detections"][index]["mask"].clone()).unwrap();
-        assert_eq!(mask["rle"]["size"], json!([120, 160]));
+        assert_eq!(mask["rle"]["size"], json!([180, 240]));
     }
     assert_eq!(result, scene);
 }
@@ -129,7 +121,7 @@ fn the_rest_of_the_scene_is_kept() {
 #[test]
 fn masks_are_read_as_they_were_written() {
     let folder = Folder::new();
-    folder.succeed(RENDER);
+    folder.rendered_scene("scene.json", 3);
     std::fs::create_dir_all(folder.path("results/deep")).unwrap();
     folder.succeed("segment scene.json -o results/runs.json");
     folder.succeed("segment scene.json -o results/labels.json --out-masks results/masks");
@@ -155,7 +147,7 @@ fn masks_are_read_as_they_were_written() {
 #[test]
 fn the_number_of_threads_does_not_change_a_byte() {
     let folder = Folder::new();
-    folder.succeed(RENDER);
+    folder.rendered_scene("scene.json", 3);
     for method in ["graphcut", "sca", "masks"] {
         for threads in [1, 3] {
             folder.succeed(&format!(
@@ -171,7 +163,7 @@ fn the_number_of_threads_does_not_change_a_byte() {
 #[test]
 fn detections_without_object_ids_are_segmented_alone() {
     let folder = Folder::new();
-    folder.succeed(RENDER);
+    folder.rendered_scene("scene.json", 3);
     let mut scene = folder.json("scene.json");
     for index in [0, 3] {
         scene["detections"][index].as_object_mut().unwrap().remove("object");
@@ -198,7 +190,7 @@ fn detections_without_object_ids_are_segmented_alone() {
 #[test]
 fn one_source_is_segmented() {
     let folder = Folder::new();
-    folder.succeed(RENDER);
+    folder.rendered_scene("scene.json", 3);
     let mut scene = folder.json("scene.json");
     for index in 0..6 {
         scene["detections"][index]["source"] = json!(if index < 4 { "yolo" } else { "label" });
@@ -216,7 +208,7 @@ fn one_source_is_segmented() {
 #[test]
 fn images_of_all_kinds_are_taken() {
     let folder = Folder::new();
-    folder.succeed(RENDER);
+    folder.rendered_scene("scene.json", 3);
     let path = folder.path("images/000001.png");
     let image = image::open(&path).unwrap();
     let deep: ImageBuffer<Luma<u16>, Vec<u16>> = image.to_luma16();
@@ -226,22 +218,11 @@ fn images_of_all_kinds_are_taken() {
     }
 }
 
-#[test]
-fn a_rendered_scene_may_take_the_place_of_an_earlier_one() {
-    let folder = Folder::new();
-    folder.succeed(RENDER);
-    let first = std::fs::read(folder.path("images/000001.png")).unwrap();
-    folder.succeed(RENDER);
-    assert_eq!(first, std::fs::read(folder.path("images/000001.png")).unwrap());
-    folder.succeed(&format!("{RENDER} --sensor-noise 3 --camouflage 1 --noise box:0.1 --trajectory arc:30"));
-    assert_ne!(first, std::fs::read(folder.path("images/000001.png")).unwrap());
-}
-
 /// The boxes of a scene are undistorted; crops are cut where the object is in the image.
 #[test]
 fn distorted_images_are_cropped_as_they_are() {
     let folder = Folder::new();
-    folder.succeed(RENDER);
+    folder.rendered_scene("scene.json", 3);
     let mut scene = folder.json("scene.json");
     folder.succeed("segment scene.json -o pinhole.json");
     let params = scene["cameras"][0]["params"].as_array().unwrap().clone();
@@ -255,7 +236,7 @@ fn distorted_images_are_cropped_as_they_are() {
 #[test]
 fn masks_are_an_observation_of_their_own() {
     let folder = Folder::new();
-    folder.succeed("synth --render -o scene.json --objects 2 --views 8 --kinds ellipsoid --image-size 240x180");
+    folder.rendered_scene("scene.json", 8);
     folder.succeed("segment scene.json -o runs.json --method masks --out-masks masks2");
     let score = |arguments: &str| {
         folder.succeed(&format!("localize {arguments} -o objects.json"));
@@ -283,7 +264,7 @@ fn masks_are_an_observation_of_their_own() {
 #[test]
 fn what_the_segmentation_says_of_masks_is_heard() {
     let folder = Folder::new();
-    folder.succeed("synth --render -o scene.json --objects 2 --views 8 --kinds ellipsoid --image-size 240x180");
+    folder.rendered_scene("scene.json", 8);
     folder.succeed("segment scene.json -o segmented.json --method masks");
     let mut scene = folder.json("segmented.json");
     let noise = |name: &str| {

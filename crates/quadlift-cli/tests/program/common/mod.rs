@@ -95,6 +95,28 @@ impl Folder {
         run.stdout
     }
 
+    /// Writes the first frames, at most eight, of the rendered scene of the fixtures: PNG images of 240 x 180 pixels and true
+    /// masks of two objects, each seen in every frame.
+    pub(crate) fn rendered_scene(&self, name: &str, frames: usize) {
+        let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/rendered");
+        let mut scene: Value = serde_json::from_slice(&std::fs::read(fixture.join("scene.json")).unwrap()).unwrap();
+        scene["frames"].as_array_mut().unwrap().truncate(frames);
+        scene["detections"].as_array_mut().unwrap().truncate(2 * frames);
+        let folder = self.path(name).parent().unwrap().to_owned();
+        for inner in ["images", "masks"] {
+            std::fs::create_dir_all(folder.join(inner)).unwrap();
+        }
+        for frame in scene["frames"].as_array_mut().unwrap() {
+            let id = frame["id"].as_str().unwrap();
+            let [image, mask] = ["images", "masks"].map(|inner| format!("{inner}/{id}.png"));
+            std::fs::copy(fixture.join(&mask), folder.join(&mask)).unwrap();
+            let photo = image::open(fixture.join(frame["image"].as_str().unwrap())).unwrap();
+            photo.save(folder.join(&image)).unwrap();
+            frame["image"] = image.into();
+        }
+        self.write_json(name, &scene);
+    }
+
     /// A small synthetic scene without its truth.
     pub(crate) fn small_scene(&self) -> Value {
         self.succeed("synth -o .small.json --objects 2 --views 6 --seed 1 --noise box:0.02");
@@ -104,10 +126,6 @@ impl Folder {
         scene
     }
 }
-
-/// Makes a small rendered scene with images and true masks: two objects in three frames of 160 x 120 pixels.
-pub(crate) const RENDER: &str =
-    "synth --render -o scene.json --objects 2 --views 3 --image-size 160x120 --kinds ellipsoid --seed 3";
 
 impl From<Output> for Run {
     fn from(output: Output) -> Self {

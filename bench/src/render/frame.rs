@@ -1,9 +1,10 @@
 //! One image: a ray through the center of every pixel, and four more where something begins or ends.
 
-use image::RgbImage;
 use nalgebra::{Matrix3, Point3, Vector3};
 use quadlift::geometry::{Projection, ProjectionError};
 use quadlift::synthetic::SyntheticFrame;
+use quadlift_segment::LabelImage;
+use quadlift_segment::image::RgbImage;
 use rand_chacha::ChaCha8Rng;
 
 use super::options::RenderOptions;
@@ -11,7 +12,6 @@ use super::sensor;
 use super::solid::Solid;
 use super::texture::Color;
 use super::world::World;
-use crate::label_image::LabelImage;
 
 /// The ground is seen up to this distance; beyond is the sky.
 const HORIZON: f64 = 60.0;

@@ -13,18 +13,19 @@ mod options;
 mod camera;
 mod world;
 mod frame;
+pub mod scene_files;
 
 pub use objects::ObjectKind;
 pub use options::RenderOptions;
 
-use image::RgbImage;
 use quadlift::geometry::{Body, BoundingBox, Projection};
 use quadlift::random::{normal, stream};
 use quadlift::scene::{NewDetection, SceneBuilder};
 use quadlift::synthetic::{SyntheticError, SyntheticScene};
+use quadlift_segment::LabelImage;
+use quadlift_segment::image::RgbImage;
+use rayon::prelude::*;
 
-use crate::label_image::LabelImage;
-use crate::parallel::map_indices;
 use frame::Rendering;
 use world::World;
 
@@ -66,9 +67,10 @@ pub fn render(options: &RenderOptions) -> Result<RenderedScene, SyntheticError> 
     options.check()?;
     let world = World::draw(options, &mut stream(options.seed, WORLD_STREAM));
     let frames = camera::frames(options, &world.path, &mut stream(options.seed, CAMERA_STREAM))?;
-    let rendered: Vec<Rendering> = map_indices(frames.len(), |index| {
-        frame::render(&world, &frames[index], options, &mut stream(options.seed, FIRST_FRAME_STREAM + index as u64))
-    });
+    let one = |(index, frame)| {
+        frame::render(&world, frame, options, &mut stream(options.seed, FIRST_FRAME_STREAM + index as u64))
+    };
+    let rendered: Vec<Rendering> = frames.par_iter().enumerate().map(one).collect();
 
     let mut builder = SceneBuilder::new("rendered");
     builder.up([0.0, 0.0, 1.0])?;

@@ -1,7 +1,7 @@
 //! The camera's sensor: a little blur, changing exposure, and noise that grows with the light.
 
-use image::RgbImage;
 use quadlift::random::normal;
+use quadlift_segment::image::RgbImage;
 use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 

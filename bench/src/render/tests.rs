@@ -1,6 +1,6 @@
 use super::*;
-use crate::moments::{Moments, PixelTerm};
 use quadlift::geometry::{ConvexBody, project_bounding_box, project_ellipsoid};
+use quadlift_segment::{Moments, PixelTerm};
 
 fn small() -> RenderOptions {
     RenderOptions { seed: 4, views: 4, width: 160, height: 120, ..Default::default() }
