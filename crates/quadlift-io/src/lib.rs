@@ -46,6 +46,9 @@ pub mod align;
 
 #[cfg(test)]
 mod test_data;
+#[cfg(test)]
+#[path = "../../quadlift/src/test_cases.rs"]
+mod test_cases;
 
 pub use atomic::{write_file, write_folder};
 pub use destination::is_standard_output;

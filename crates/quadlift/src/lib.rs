@@ -81,6 +81,8 @@ pub mod relocalize;
 pub mod align;
 pub mod online;
 pub mod synthetic;
+#[cfg(test)]
+mod test_cases;
 
 pub use association::{associate, associate_observed};
 pub use localize::{Localization, LocalizeError, LocalizeOptions, MeasurementKind};

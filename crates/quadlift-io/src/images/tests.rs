@@ -196,7 +196,7 @@ fn png_files_are_written_as_a_whole() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(32))]
+    #![proptest_config(crate::test_cases::cases(32))]
     #[test]
     fn label_images_round_trip(width in 1..12u32, height in 1..12u32, high in prop_oneof![1..256u32, 1..65536u32], seed: u32) {
         let values = (0..width * height).map(|k| (seed.wrapping_mul(k + 1) % high) as u16).collect();

@@ -135,7 +135,9 @@ impl Members<'_> {
         self.line.clear();
         serde_json::to_writer(&mut self.line, value)?;
         let has_null = self.line.windows(4).any(|four| four == b"null");
-        if has_null && !serde_json::from_slice::<T>(&self.line).is_ok_and(|back| back == *value) {
+        // As text, not bytes, like the files that are read: the readers of all records are built once.
+        let is_same = |line| serde_json::from_str::<T>(line).is_ok_and(|back| back == *value);
+        if has_null && !std::str::from_utf8(&self.line).is_ok_and(is_same) {
             let problem = format!("{} holds a number that is not finite, which JSON cannot express", place());
             return Err(io::Error::new(io::ErrorKind::InvalidData, problem));
         }

@@ -352,7 +352,7 @@ fn same(found: &Alignment, other: &Alignment, expected: &Similarity) -> bool {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(12))]
+    #![proptest_config(crate::test_cases::cases(12))]
 
     #[test]
     fn maps_that_are_moved_give_the_transform_that_is_moved(seed in 0u64..1000, rigid: bool) {

@@ -189,7 +189,7 @@ fn no_objects_or_no_views_give_an_empty_scene() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(16))]
+    #![proptest_config(crate::test_cases::cases(16))]
     #[test]
     fn the_same_seed_gives_the_same_scene_and_more_objects_only_add(seed: u64, objects in 1..8usize) {
         let few = generate(&SyntheticOptions { seed, objects, ..noisy() }).unwrap();

@@ -339,7 +339,7 @@ fn use_bytes(bytes: &[u8]) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(300) })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..crate::test_cases::cases(300) })]
 
     #[test]
     fn what_is_written_is_read_back(scene in scene()) {
@@ -426,7 +426,7 @@ proptest! {
     #![proptest_config(ProptestConfig {
         failure_persistence: None,
         rng_seed: proptest::test_runner::RngSeed::Fixed(1),
-        ..ProptestConfig::with_cases(4000)
+        ..crate::test_cases::cases(4000)
     })]
 
     #[test]
