@@ -92,12 +92,13 @@ impl ObjectMap {
         self.learn_step(&frames);
         let (mut found, is_quick) = self.diagnose_frames(&frames);
         if !found.consistent {
-            // A camera that waits shows nothing about its poses, and what moves before it something wrong.
+            // A camera that waits shows nothing about its poses, and what moves before it something wrong: no verdict where it
+            // waits for a third of the window.
             let all = frames.len();
             frames = self.of_different_places(frames);
             found = match frames.len() {
                 views if views == all => found,
-                views if views < FIRST_CHECK / 2 => Diagnosis::default(),
+                views if views < FIRST_CHECK / 2 || 3 * views < 2 * all => Diagnosis::default(),
                 _ => self.diagnose_frames(&frames).0,
             };
         }
