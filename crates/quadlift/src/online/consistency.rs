@@ -11,6 +11,7 @@ use super::map::ObjectMap;
 use super::tracked::Tracked;
 use super::update::{Event, FrameUpdate};
 use super::views::{KeptView, RecentBox, RecentFrame, bounding_box};
+use crate::association::statistics::median;
 use crate::association::{AssociateOptions, AssociatedObject, Association, IdPolicy, Outcome};
 use crate::diagnosis::misses::AGREES;
 use crate::diagnosis::{Cause, CauseName, Diagnosis, diagnose_association, is_convincing};
@@ -88,7 +89,19 @@ impl ObjectMap {
     fn check_window(&mut self, is_part: bool, update: &mut FrameUpdate) {
         let mut frames: Vec<RecentFrame> = self.windows.frames.iter().chain(&self.recent).cloned().collect();
         frames.stable_sort_by_key(|frame| frame.key);
-        let (found, is_quick) = self.diagnose_frames(&frames);
+        self.learn_step(&frames);
+        let (mut found, is_quick) = self.diagnose_frames(&frames);
+        if !found.consistent {
+            // A camera that waits shows nothing about its poses, and what moves before it something wrong: no verdict where it
+            // waits for a third of the window.
+            let all = frames.len();
+            frames = self.of_different_places(frames);
+            found = match frames.len() {
+                views if views == all => found,
+                views if views < FIRST_CHECK / 2 || 3 * views < 2 * all => Diagnosis::default(),
+                _ => self.diagnose_frames(&frames).0,
+            };
+        }
         let is_unexplained = !found.consistent && !found.causes.iter().any(is_mistake);
         // The first explanation stays: that of the event.
         let is_first = self.windows.suspect.is_empty() || (self.diagnosis.causes.is_empty() && !is_unexplained);
@@ -124,6 +137,14 @@ impl ObjectMap {
         } else if was != Some(false) {
             update.events.push(Event::Inconsistent { diagnosis: Box::new(self.diagnosis.clone()) });
         }
+    }
+
+    /// Learns how far the camera moves between frames when it moves: the largest median of a window.
+    fn learn_step(&mut self, frames: &[RecentFrame]) {
+        let center = |frame: &RecentFrame| self.keyframes.camera(frame.key).map(|camera| camera.center);
+        let step = |pair: &[RecentFrame]| Some((center(&pair[1])? - center(&pair[0])?).norm());
+        let mut steps: Vec<f64> = frames.windows(2).filter_map(step).collect();
+        self.windows.usual_step = median(&mut steps).unwrap_or(0.0).max(self.windows.usual_step);
     }
 
     /// Replaces the frames that were inconsistent.

@@ -21,7 +21,8 @@ fn frame(k: u32) -> Frame {
 }
 
 fn x_of(k: u32) -> f64 {
-    (0.3 * f64::from(k + 1)).sin()
+    // Evenly to and fro: frames of which two show the same image would be one view.
+    (0.3 * f64::from(k + 1)).sin().asin() / std::f64::consts::FRAC_PI_2
 }
 
 /// A ball.

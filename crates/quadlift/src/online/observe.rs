@@ -33,7 +33,7 @@ impl ObjectMap {
     pub fn observe(&mut self, frame: &Frame, detections: &[NewDetection]) -> Result<FrameUpdate, ObserveError> {
         self.check(frame, detections)?;
         let mut update = FrameUpdate { objects: vec![None; detections.len()], events: Vec::new() };
-        let place = self.same_place(frame);
+        let place = self.same_place(frame, detections);
         let mut current = self.take_in(frame, detections, place.is_some());
         let slots = self.visibility.near(&current.observations.cameras[0].center);
         let (matched, shift) = self.match_boxes(&mut current, &slots, frame.pose_noise, &|_| None);

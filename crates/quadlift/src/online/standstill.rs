@@ -3,6 +3,11 @@
 //! Copies have no parallax: an object of two boxes from one place could be anywhere on its ray, and its evidence would grow with every
 //! copy. A frame from the place of a recent one therefore adds nothing but means: its boxes are averaged into the views from there. Boxes
 //! of no object are collected, and get the object that is found once the camera moves.
+//!
+//! Distances of objects tell which motion is none. Before there are objects the image does: poses of a camera that waits differ by the
+//! errors of its GPS, and any two boxes that these errors set apart agree on an object somewhere on their rays.
+
+use nalgebra::Vector2;
 
 use super::MAX_DETECTIONS;
 use super::current::Current;
@@ -10,9 +15,14 @@ use super::input::Frame;
 use super::keyframes::Keyframe;
 use super::map::ObjectMap;
 use super::matching::Matched;
+use super::tracked::Presence;
 use super::update::{DetectionRef, FrameUpdate};
-use super::views::{KeptView, RecentBox, RecentFrame, to_bits};
+use super::views::{KeptView, RecentBox, RecentFrame, from_bits, to_bits};
+use crate::association::input::observations::Camera;
 use crate::association::places::{MAX_MOTION_PX, MAX_ROUNDING, MIN_OVERLAP, MIN_SEEN, turn_px};
+use crate::association::statistics::median;
+use crate::geometry::BoundingBox;
+use crate::scene::NewDetection;
 use crate::sorting::StableSort;
 
 /// Detections that are remembered for a box, at most.
@@ -41,10 +51,13 @@ impl RecentBox {
 
 impl ObjectMap {
     /// The key of a recent frame from the place of a new one.
-    pub(super) fn same_place(&self, frame: &Frame) -> Option<u32> {
+    pub(super) fn same_place(&self, frame: &Frame, detections: &[NewDetection]) -> Option<u32> {
         let new = Keyframe::camera_of(frame, &self.origin, self.running.extent.into());
         let distance = |slot: u32| self.slot(slot).map(|tracked| (tracked.object.center - new.center).norm());
-        let nearest = self.visibility.near(&new.center).into_iter().filter_map(distance).reduce(f64::min);
+        let near = self.visibility.near(&new.center);
+        let is_confirmed = |&slot: &u32| self.slot(slot).is_some_and(|tracked| tracked.presence == Presence::Confirmed);
+        let is_mapped = near.iter().any(is_confirmed);
+        let nearest = near.into_iter().filter_map(distance).reduce(f64::min);
         let tolerance = match nearest {
             Some(distance) => MAX_MOTION_PX * distance / new.focal.max(1e-9),
             None => MAX_ROUNDING * (1.0 + new.center.norm()),
@@ -54,7 +67,73 @@ impl ObjectMap {
                 (known.center - new.center).norm() <= tolerance && turn_px(known, &new) <= MAX_MOTION_PX
             })
         };
-        self.recent.iter().rev().find(is_there).map(|recent| recent.key)
+        let known = self.recent.iter().rev().find(is_there);
+        let still = || {
+            let boxes = detections.iter().filter_map(|d| Some((self.categories.find(d.category)?, d.box_or_around()?)));
+            let last = self.recent.back().filter(|_| !is_mapped)?;
+            // Of a camera that drives, a car that drives before it may be all there is to see.
+            let small = self.windows.small_step();
+            let stays = small == 0.0 || (self.keyframes.camera(last.key)?.center - new.center).norm() < small;
+            stays.then_some(())?;
+            self.is_still(last, &new, &boxes.collect::<Vec<_>>()).then_some(last)
+        };
+        known.or_else(still).map(|recent| recent.key)
+    }
+
+    /// Whether most boxes of an image, with their categories, are where they were in a frame before, within their errors.
+    fn is_still(&self, before: &RecentFrame, camera: &Camera, boxes: &[(u16, BoundingBox)]) -> bool {
+        // A camera that looks at the same thing from elsewhere has turned.
+        let max_turn = 2.0 * self.running.statistics.edge_noise_px;
+        if self.keyframes.camera(before.key).is_none_or(|known| turn_px(known, camera) > max_turn) {
+            return false;
+        }
+        let mut pairs = Vec::new();
+        for (place, RecentBox { view, .. }) in before.boxes.iter().enumerate() {
+            let Some(known) = view.box_in_image() else { continue };
+            for (index, (_, new)) in boxes.iter().enumerate().filter(|(_, (category, _))| *category == view.category) {
+                pairs.push((known.iou(new), place, index));
+            }
+        }
+        pairs.retain(|(overlap, ..)| *overlap >= MIN_OVERLAP);
+        pairs.stable_sort_by(|a, b| b.0.total_cmp(&a.0));
+        let (mut is_used, mut is_found) = (vec![false; before.boxes.len()], vec![false; boxes.len()]);
+        let mut motions = Vec::new();
+        for (_, place, index) in pairs {
+            if is_used[place] || is_found[index] {
+                continue;
+            }
+            (is_used[place], is_found[index]) = (true, true);
+            motions.extend(self.edge_chi2(&before.boxes[place].view, &boxes[index].1));
+        }
+        // Most move by no more than is expected of errors alone.
+        2 * motions.len() >= before.boxes.len().min(boxes.len()) && median(&mut motions).is_some_and(|chi2| chi2 <= 1.0)
+    }
+
+    /// The mean square of the differences of edges in units of their variance; `None` if the border cuts all of them.
+    fn edge_chi2(&self, view: &KeptView, new: &BoundingBox) -> Option<f64> {
+        let variance = 2.0 * self.running.statistics.sd(&view.observation(0, &Vector2::zeros())).powi(2);
+        let (known, new, cut) = (view.box_in_image()?.edges(), new.edges(), from_bits(view.cut));
+        let whole: Vec<usize> = (0..4).filter(|&edge| !cut[edge]).collect();
+        let sum: f64 = whole.iter().map(|&edge| (known[edge] - new[edge]).powi(2) / variance).sum();
+        (!whole.is_empty()).then(|| sum / whole.len() as f64)
+    }
+
+    /// The frames, without those from the place of the one before: with the same image, or moved by much less than is usual.
+    pub(super) fn of_different_places(&self, frames: Vec<RecentFrame>) -> Vec<RecentFrame> {
+        let least = self.windows.small_step();
+        let mut kept: Vec<RecentFrame> = Vec::with_capacity(frames.len());
+        for frame in frames {
+            let boxes = frame.boxes.iter().filter_map(|b| Some((b.view.category, b.view.box_in_image()?)));
+            let boxes: Vec<_> = boxes.collect();
+            let is_there = |last: &RecentFrame| {
+                let cameras = self.keyframes.camera(last.key).zip(self.keyframes.camera(frame.key));
+                cameras.is_some_and(|(a, b)| (b.center - a.center).norm() < least || self.is_still(last, b, &boxes))
+            };
+            if !kept.last().is_some_and(is_there) {
+                kept.push(frame);
+            }
+        }
+        kept
     }
 
     /// Takes the boxes of a frame from the place of a recent one.

@@ -2,12 +2,13 @@
 
 use std::collections::HashMap;
 
+use nalgebra::{Matrix4, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::super::{Event, Frame, FrameUpdate, ObjectId, ObjectMap, OnlineOptions};
 use super::RecentFrame;
-use crate::geometry::BoundingBox;
+use crate::geometry::{BoundingBox, Projection};
 use crate::metrics::pairwise_clustering_scores;
 use crate::scene::{NewDetection, Scene};
 use crate::synthetic::{Detector, Noise, Observations, SyntheticOptions, Trajectory, generate};
@@ -59,6 +60,21 @@ fn waiting(mut frames: Vec<(Frame, Vec<Seen>)>, at: usize, copies: usize) -> Vec
     };
     let again: Vec<_> = (0..copies).map(copy).collect();
     frames.splice(at + 1..at + 1, again);
+    frames
+}
+
+/// The frames with poses of a GPS: each is off by about a centimeter, and the errors drift by as much from frame to frame if they walk.
+fn with_gps(mut frames: Vec<(Frame, Vec<Seen>)>, walks: bool) -> Vec<(Frame, Vec<Seen>)> {
+    let mut random = ChaCha8Rng::seed_from_u64(8);
+    let mut drift = Vector3::zeros();
+    for (frame, _) in &mut frames {
+        let mut error = || Vector3::from_fn(|_, _| 0.035 * (random.random::<f64>() - 0.5));
+        if walks {
+            drift += error();
+        }
+        let moved = Matrix4::new_translation(&(drift + error()));
+        frame.projection = Projection::from_matrix(frame.projection.matrix() * moved).unwrap();
+    }
     frames
 }
 
@@ -139,6 +155,18 @@ fn objects_are_those_of_a_camera_that_does_not_wait() {
                     moving.f1
                 );
             }
+        }
+    }
+}
+
+#[test]
+fn errors_of_poses_are_no_motion() {
+    for seed in 0..3 {
+        let moving = observe(&street(seed), false);
+        for (at, walks) in [(0, false), (0, true), (VIEWS / 3, true), (VIEWS - 1, true)] {
+            let found = observe(&with_gps(waiting(street(seed), at, 84), walks), false);
+            let is_right = found.f1 > moving.f1 - 0.03 && found.map.consistent() != Some(false);
+            assert!(is_right, "seed {seed}, at {at}, {walks}: {} {}", found.f1, moving.f1);
         }
     }
 }

@@ -132,6 +132,11 @@ impl KeptView {
         bounding_box(&self.edges)
     }
 
+    /// The box in the image itself.
+    pub(super) fn box_in_image(&self) -> Option<BoundingBox> {
+        bounding_box(self.in_image.as_deref().unwrap_or(&self.edges))
+    }
+
     /// The box as association uses it, less the shift of its frame; `frame` is the place of its camera in a list.
     pub(super) fn observation(&self, frame: usize, shift: &Vector2<f64>) -> BoxObservation {
         let edges = std::array::from_fn(|e| f64::from(self.edges[e]) - shift[e % 2]);

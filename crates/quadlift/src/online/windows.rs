@@ -16,6 +16,8 @@ pub(super) struct Windows {
     pub(super) checked: u32,
     pub(super) explained: u32,
     pub(super) unexplained: u32,
+    /// How far the camera moves between frames when it moves.
+    pub(super) usual_step: f64,
     /// Number of full windows since one took long to check.
     pub(super) since_slow: Option<u32>,
     /// Whether the map is inconsistent; `None` if nothing could be checked so far.
@@ -23,6 +25,11 @@ pub(super) struct Windows {
 }
 
 impl Windows {
+    /// A motion that is small beside those of a camera that moves: a tenth; zero before the first check.
+    pub(super) fn small_step(&self) -> f64 {
+        0.1 * self.usual_step
+    }
+
     /// All frames that it holds.
     pub(super) fn all(&self) -> impl Iterator<Item = &RecentFrame> {
         self.frames.iter().chain(&self.suspect)
