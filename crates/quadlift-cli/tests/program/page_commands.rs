@@ -57,8 +57,15 @@ fn commands() -> Vec<(String, String, bool)> {
     let mut found = Vec::new();
     for (path, page) in pages() {
         let (mut fence, mut in_block, mut after_blank) = (None, false, true);
+        // What is true only after the first release waits in comments.
+        let mut in_comment = false;
         let mut lines = page.lines().enumerate();
         while let Some((number, line)) = lines.next() {
+            in_comment |= line.starts_with("<!--");
+            if in_comment {
+                in_comment = !line.contains("-->");
+                continue;
+            }
             if let Some(kind) = line.trim_start().strip_prefix("```") {
                 fence = if fence.is_some() { None } else { Some(kind.to_owned()) };
                 continue;
