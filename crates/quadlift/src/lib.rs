@@ -81,8 +81,6 @@ pub mod relocalize;
 pub mod align;
 pub mod online;
 pub mod synthetic;
-#[cfg(test)]
-mod test_cases;
 
 pub use association::{associate, associate_observed};
 pub use localize::{Localization, LocalizeError, LocalizeOptions, MeasurementKind};
@@ -96,3 +94,6 @@ pub use nalgebra;
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
+
+#[cfg(test)]
+mod test_cases;
