@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 import quadlift
-from conftest import Program
+from conftest import RENDERED, Program
 
 SCRIPT = Path(sysconfig.get_path("scripts")) / ("quadlift.exe" if sys.platform == "win32" else "quadlift")
 MODULE = [sys.executable, "-m", "quadlift"]
@@ -147,8 +147,10 @@ def test_ctrl_c_ends_a_stream_and_the_map_is_written(scene: Path) -> None:
 @UNIX
 def test_signals_end_the_program_without_temporary_files(tmp_path: Path) -> None:
     # An export of many images takes a while.
-    made = ["--render", "--objects", "1", "--views", "12", "--image-size", "1200x900", "--kinds", "ellipsoid"]
-    assert run(tmp_path, "synth", "-q", "-o", "r/scene.json", *made).returncode == 0
+    path = Path(shutil.copytree(RENDERED, tmp_path / "r")) / "scene.json"
+    scene = json.loads(path.read_text())
+    scene["frames"] += [{**scene["frames"][0], "id": f"copy {k}"} for k in range(2000)]
+    path.write_text(json.dumps(scene))
     for number in (signal.SIGINT, signal.SIGTERM):
         exporting = subprocess.Popen(
             [*MODULE, "export", "rerun", "r/scene.json", "-o", "recording"],
