@@ -138,7 +138,7 @@ def boxes(rows: Any) -> NDArray[np.float64]:
 
 
 def outlines(rows: Any) -> _outlines.OutlineArrays | None:
-    """Outlines and turned boxes; None without any."""
+    """Outlines and oriented boxes; None without any."""
     turned = [numbers(values(rows, name), name) for name in ORIENTED_BOX if name in rows.column_names]
     if turned and len(turned) < len(ORIENTED_BOX):
         missing = next(name for name in ORIENTED_BOX if name not in rows.column_names)

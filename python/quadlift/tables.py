@@ -49,13 +49,13 @@ def occluded_edges(detections: Table) -> Table:
     ----------
     detections : pyarrow.Table or pandas.DataFrame
         All detections of some frames, of any object: `scene` (optional), `frame`, `x0`, `y0`, `x1`, `y1`, optionally
-        outlines and turned boxes. Invalid boxes neither hide nor are hidden.
+        outlines and oriented boxes. Invalid boxes neither hide nor are hidden.
 
     Returns
     -------
     pyarrow.Table or pandas.DataFrame
         The rows with one more column, `occluded_edges`: 1 for a hidden left edge plus 4 for a right one. With a column
-        `outline` also `occluded_lines`, with a bit for each supporting line that another outline may hide.
+        `outline` also `occluded_lines`, with a bit for each tangent line that another outline may hide.
     """
     rows = _columns.table(detections, "detections", ("frame", *_columns.BOX))
     frames, scenes = _columns.ids(rows, "frame"), _columns.ids(rows, "scene")
@@ -122,7 +122,7 @@ def localize(
     ----------
     detections : pyarrow.Table or pandas.DataFrame
         One row per detection: `scene` (optional), `frame`, `object`, `x0`, `y0`, `x1`, `y1`, and optionally `category`,
-        `score`, `occluded_edges` and `occluded_lines` (see `occluded_edges`), outlines, turned boxes, depths and 3D
+        `score`, `occluded_edges` and `occluded_lines` (see `occluded_edges`), outlines, oriented boxes, depths and 3D
         boxes in the columns of docs/scale-out.md. Rows whose object is null, "" or negative are skipped. Without the
         column `object` each scene is associated.
     cameras : pyarrow.Table or pandas.DataFrame, optional
