@@ -30,7 +30,6 @@ run one_object
 run colmap_and_yolo "$tutorial/sparse/0" "$tutorial/labels" "$folder/scene.json"
 sed -n '/^```json cup.json$/,/^```$/{/^```/d;p}' README.md >"$folder/cup.json"
 run localize_file "$folder/cup.json" "$folder/objects.json"
-run segment
 run report "$folder/report.html" "$folder/frame.svg"
 # Those of the program make files of the tutorial.
 all=$(find crates -path '*/examples/*.rs' -not -path 'crates/quadlift-cli/*' | wc -l)
