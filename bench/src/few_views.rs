@@ -17,7 +17,7 @@ use crate::scores::{Figure, Measure, pooled};
 
 use crate::table::{Cell, Table};
 
-/// Views of each object.
+/// Views of each object; the first four in the short form.
 const VIEWS: [usize; 7] = [2, 3, 4, 5, 7, 10, 20];
 
 /// Standard deviation of the edges of the boxes, in mean half sizes.
@@ -74,7 +74,8 @@ fn figures(views: usize, noise: f64, run: &Run) -> Result<Vec<Option<Figure>>, E
 /// # Errors
 /// [`Error::Synthetic`], [`Error::Localize`].
 pub(crate) fn run(run: &Run) -> Result<Report, Error> {
-    let steps = Steps::new("few-views", VIEWS.len() * NOISE.len(), run.progress);
+    let all_views = run.first(&VIEWS, 4);
+    let steps = Steps::new("few-views", all_views.len() * NOISE.len(), run.progress);
     let mut report = Report::new("few-views", "Few views: the default, its level given, and a closed form");
     report.text(format!(
         "{OBJECTS} ellipsoids in each of {SCENES} scenes, cameras as in section 5.1, boxes whose edges have Gaussian \
@@ -86,7 +87,7 @@ pub(crate) fn run(run: &Run) -> Result<Report, Error> {
     // Largest shortfalls of the default with three views and more.
     let mut short = [0.0f64; 2];
     let mut two_views = None;
-    for views in VIEWS {
+    for &views in all_views {
         for noise in NOISE {
             let figures = figures(views, noise, run)?;
             steps.done();

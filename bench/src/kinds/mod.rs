@@ -38,7 +38,7 @@ const NOISE: f64 = 0.02;
 /// Standard deviation of the tilt in the row that has it that every object stands, radians.
 const UPRIGHT_SD: f64 = 0.05;
 
-/// The sets of scenes: name, trajectory, views, whether the objects stand.
+/// The sets of scenes: name, trajectory, views, whether the objects stand. The short form has the first, without wrong boxes.
 const SETS: [(&str, Trajectory, usize, bool); 4] = [
     ("a table, 40 views", Trajectory::Random, 40, true),
     ("8 views over 60 degrees", Trajectory::Arc { span: 60.0 }, 8, true),
@@ -74,8 +74,10 @@ fn rows() -> Vec<(&'static str, Row)> {
 /// # Errors
 /// [`Error::Synthetic`], [`Error::Localize`].
 pub(crate) fn run(run: &Run) -> Result<Report, Error> {
-    let rows = rows();
-    let steps = Steps::new("kinds", SETS.len() * rows.len() + wrong_boxes::STEPS, run.progress);
+    let (all_rows, sets) = (rows(), run.first(&SETS, 1));
+    let rows = run.first(&all_rows, 2);
+    let of_wrong_boxes = if run.short { 0 } else { wrong_boxes::STEPS };
+    let steps = Steps::new("kinds", sets.len() * rows.len() + of_wrong_boxes, run.progress);
     let mut report = Report::new("kinds", "Bodies of several kinds (ours)");
     report.text(
         "Volume IoU of the estimated and the true body, each of its own kind, 0 without an estimate. One third of the \
@@ -83,7 +85,7 @@ pub(crate) fn run(run: &Run) -> Result<Report, Error> {
          the median over pairs of views of the points where the rays through the box centers meet, and the median \
          width and height of the boxes at that depth, as an upright cuboid with a square base.",
     );
-    for (name, trajectory, views, standing) in SETS {
+    for &(name, trajectory, views, standing) in sets {
         let scenes = (0..run.scenes(SCENES))
             .map(|k| {
                 let options = SyntheticOptions {
@@ -102,7 +104,7 @@ pub(crate) fn run(run: &Run) -> Result<Report, Error> {
             })
             .collect::<Result<Vec<_>, Error>>()?;
         let mut table = Table::new(format!("IoU: {name}"), ["row"].iter().chain(&NAMES).chain(&["together"]));
-        for (title, row) in &rows {
+        for (title, row) in rows {
             let ious = scenes
                 .par_iter()
                 .enumerate()
@@ -126,8 +128,10 @@ pub(crate) fn run(run: &Run) -> Result<Report, Error> {
         }
         report.table(table);
     }
-    for table in wrong_boxes::tables(run, &steps)? {
-        report.table(table);
+    if !run.short {
+        for table in wrong_boxes::tables(run, &steps)? {
+            report.table(table);
+        }
     }
     Ok(report)
 }

@@ -74,7 +74,7 @@ fn cell(
 ) -> Result<(Option<Figure>, Option<Figure>), Error> {
     let default = Row::Posterior(Box::default());
     let given = Row::Posterior(Box::new(PosteriorOptions { body: Some(kind), ..Default::default() }));
-    let pairs = (0..run.scenes(SCENES))
+    let pairs = (0..SCENES)
         .into_par_iter()
         .map(|k| {
             let seed = run.seed.wrapping_add(k);

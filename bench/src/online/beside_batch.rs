@@ -30,12 +30,12 @@ struct Scores {
     online: [f64; 2],
     /// NEES of the bodies.
     nees: [Vec<f64>; 2],
-    /// After each quarter.
+    /// After each quarter; none in the short form.
     over_time: Vec<over_time::Scores>,
     objects: [f64; 2],
 }
 
-fn scores(case: &Case) -> Result<Scores, Error> {
+fn scores(case: &Case, run: &Run) -> Result<Scores, Error> {
     let bodies: Vec<_> = case.detected_bodies().into_iter().map(Some).collect();
     let association = associate(&case.scene, &AssociateOptions { ids: IdPolicy::Ignore, ..Default::default() })?;
     let f1 = |division: &[Option<u32>]| pairwise_clustering_scores(&case.true_objects, division).f1;
@@ -44,7 +44,7 @@ fn scores(case: &Case) -> Result<Scores, Error> {
     let frames = case.scene.frames.len();
     let mut over_time = Vec::new();
     let labels = replay(&mut map, &case.scene, |done, map, labels| {
-        if (1..=QUARTERS).any(|quarter| done == frames * quarter / QUARTERS) {
+        if !run.short && (1..=QUARTERS).any(|quarter| done == frames * quarter / QUARTERS) {
             over_time.push(over_time::scores(case, map, labels, done));
         }
     });
@@ -78,7 +78,7 @@ fn rows(data: Option<&Path>, run: &Run) -> Result<Vec<Row>, Error> {
 /// Adds the table and its headlines.
 pub(super) fn add(data: Option<&Path>, report: &mut Report, run: &Run) -> Result<(), Error> {
     let rows = rows(data, run)?;
-    let of_row = |(_, cases): &Row| cases.iter().map(scores).collect::<Result<Vec<Scores>, Error>>();
+    let of_row = |(_, cases): &Row| cases.iter().map(|case| scores(case, run)).collect::<Result<Vec<Scores>, Error>>();
     let all: Vec<Vec<Scores>> = rows.par_iter().map(of_row).collect::<Result<_, _>>()?;
     let columns = [
         "scene",
@@ -114,7 +114,9 @@ pub(super) fn add(data: Option<&Path>, report: &mut Report, run: &Run) -> Result
         run.scenes(SEEDS)
     ));
     report.table(table);
-    report.table(over_time_table(&rows, &all));
+    if !run.short {
+        report.table(over_time_table(&rows, &all));
+    }
     for (id, what, value) in [
         ("online_worst_f1", "largest loss of F1 against batch, all rows", worst[0]),
         ("online_worst_o3d", "largest loss of O3D against batch, all rows", worst[1]),

@@ -22,6 +22,10 @@ const SEEDS: u64 = 8;
 const OBJECTS: usize = 30;
 const TAKEN: usize = 6;
 
+/// Rows: name, side of the cube in which the objects lie, views.
+const ROWS: [(&str, f64, usize); 3] =
+    [("cube of 60, 200 views", 60.0, 200), ("cube of 40, 200 views", 40.0, 200), ("cube of 60, 600 views", 60.0, 600)];
+
 /// What came of the objects of some scenes.
 #[derive(Default)]
 struct Lives {
@@ -133,11 +137,7 @@ pub(super) fn add(report: &mut Report, run: &Run) -> Result<(), Error> {
         "largest",
     ];
     let mut table = Table::new("Objects that are taken away half way", columns);
-    for (name, cube_side, views) in [
-        ("cube of 60, 200 views", 60.0, 200),
-        ("cube of 40, 200 views", 40.0, 200),
-        ("cube of 60, 600 views", 60.0, 600),
-    ] {
+    for &(name, cube_side, views) in run.first(&ROWS, 1) {
         let make = |k: u64| SyntheticOptions {
             seed: run.seed + k,
             objects: OBJECTS,

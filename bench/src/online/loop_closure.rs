@@ -129,7 +129,7 @@ pub(super) fn add(report: &mut Report, run: &Run) -> Result<(), Error> {
         SyntheticOptions { objects: 30, views: 200, cube_side: 40.0, trajectory: Trajectory::Orbit, ..base.clone() };
     let street = SyntheticOptions { objects: 150, views: 400, trajectory: Trajectory::Street, ..base };
     for (name, make) in [("twice around 30 objects", around), ("twice along a street", street)] {
-        for (turn, shift) in DRIFTS {
+        for &(turn, shift) in run.first(&DRIFTS, 1) {
             let of = |k: u64| close_loop(&SyntheticOptions { seed: run.seed + k, ..make.clone() }, turn, shift);
             let all: Vec<[f64; 7]> = (0..run.scenes(SEEDS)).into_par_iter().map(of).collect::<Result<_, _>>()?;
             let value = |k: usize| mean(&all.iter().map(|s| s[k]).collect::<Vec<_>>()).unwrap_or(0.0);
