@@ -17,7 +17,7 @@ from ._formats import CameraOptions, DetectionOptions, ExportOptions
 from ._limits import set_max_pixels
 from ._localize import localize
 from ._object_map import FrameUpdate, MapObject, MapObjects, ObjectMap
-from ._options import Options, Prior
+from ._options import AssociateOptions, Options, Prior, SegmentOptions
 from ._relocalize import LocatedPose, Location
 from ._rerun import log_recording
 from ._scene import Estimates, Scene
@@ -25,6 +25,7 @@ from ._scene import Estimates, Scene
 __all__ = [
     "Alignment",
     "Alternative",
+    "AssociateOptions",
     "AssociatedObject",
     "Box3dSd",
     "Boxes3d",
@@ -49,6 +50,7 @@ __all__ = [
     "QuadliftError",
     "RigCalibration",
     "Scene",
+    "SegmentOptions",
     "__version__",
     "calibrate_rig",
     "localize",

@@ -12,14 +12,20 @@ import numpy as np
 from . import _checks, _core
 from ._checks import Path
 from ._core import QuadliftError
-from ._run_options import KINDS, RunOptions
+from ._run_options import (
+    ASSOCIATION_KINDS,
+    RUN_KINDS,
+    SEGMENTATION_KINDS,
+    AssociationOptions,
+    RunOptions,
+    SegmentationOptions,
+)
 
 if TYPE_CHECKING:
     from ._scene_data import SceneData
 
 Progress = Callable[[int, int], object]
 Ids = Literal["trust", "evidence", "ignore"]
-Segmenter = Literal["graphcut", "sca", "masks"]
 
 
 class Result(Protocol):
@@ -43,7 +49,16 @@ class Prior(TypedDict, total=False):
     """Whether the objects stand on a common ground plane."""
 
 
-class Options(RunOptions, total=False):
+class Running(TypedDict, total=False):
+    """How a function runs."""
+
+    threads: int | None
+    """Number of threads (default: one per core); the result does not depend on it."""
+    progress: Progress | None
+    """Called with the numbers of finished and of all steps, such as objects, a few times a second."""
+
+
+class Options(RunOptions, Running, total=False):
     """Options of `localize` and `Scene.localize`; the defaults are those of the program."""
 
     priors: Path | Mapping[str, Prior] | None
@@ -51,32 +66,52 @@ class Options(RunOptions, total=False):
     coverage: Sequence[tuple[SceneData | Result, SceneData]]
     """Results of the same detector, options and kind of scenes, each with a scene with the ground truth:
     `Estimates.coverage` then has calibrated confidence regions."""
-    threads: int | None
-    """Number of threads (default: one per core); the result does not depend on it."""
-    progress: Progress | None
-    """Called with the number of objects done and their total, a few times a second."""
+
+
+class AssociateOptions(AssociationOptions, Running, total=False):
+    """Options of `Scene.associate`; the defaults are those of the program."""
+
+    priors: Path | Mapping[str, Prior] | None
+    """Sizes of categories: "builtin" (for scenes in meters), a TOML file or a mapping, as in `localize`."""
+
+
+class SegmentOptions(SegmentationOptions, Running, total=False):
+    """Options of `Scene.segment`; the defaults are those of the program."""
+
+    out_masks: Path | None
+    """A folder for the masks as label images (PNG), one per frame; without it they are stored in the scene."""
 
 
 def split(options: Options, function: str) -> tuple[dict[str, Any], int | None, Progress | None]:
     """Keywords of the core for localization, the number of threads and the progress callback."""
-    given: dict[str, Any] = dict(options)
-    threads, progress = threads_and_progress(given.pop("threads", None), given.pop("progress", None))
+    given, threads, progress = _running(options)
     priors, text = _priors(given.pop("priors", None))
     keywords: dict[str, Any] = {
         "priors": priors,
         "priors_text": text,
         "coverage": _coverage(given.pop("coverage", ())),
     }
-    for name in given:
-        if name not in KINDS:
-            raise TypeError(f"{function}() got an unexpected keyword argument {name!r}")
-    keywords["run"] = {name: _checked(name, value) for name, value in given.items()}
+    keywords["run"] = _chosen(given, RUN_KINDS, function)
     return keywords, threads, progress
 
 
-def _checked(name: str, value: Any) -> Any:
-    """The value of an option of a run, for the core."""
-    kind = KINDS[name]
+def _running(options: Running) -> tuple[dict[str, Any], int | None, Progress | None]:
+    """The other options, the number of threads and the progress callback."""
+    given: dict[str, Any] = dict(options)
+    threads, progress = threads_and_progress(given.pop("threads", None), given.pop("progress", None))
+    return given, threads, progress
+
+
+def _chosen(given: dict[str, Any], kinds: Mapping[str, str], function: str) -> dict[str, Any]:
+    """The given options of a table with these kinds, for the core."""
+    for name in given:
+        if name not in kinds:
+            raise TypeError(f"{function}() got an unexpected keyword argument {name!r}")
+    return {name: _checked(name, value, kinds[name]) for name, value in given.items()}
+
+
+def _checked(name: str, value: Any, kind: str) -> Any:
+    """The value of an option of this kind, for the core."""
     if kind == "flag":
         return _checks.flag(name, value)
     if kind == "whole":
@@ -90,40 +125,20 @@ def _checked(name: str, value: Any) -> Any:
     return _noise_model(value) if kind == "levels" else _checks.text(name, value)
 
 
-def of_segmentation(method: str, source: str | None, out_masks: Path | None, seed: int) -> dict[str, Any]:
-    """The core's keywords of a segmentation."""
-    return {
-        "method": _checks.text("method", method),
-        "source": _checks.optional(_checks.text, "source", source),
-        "out_masks": None if out_masks is None else os.fspath(out_masks),
-        "seed": _checks.whole("seed", seed, 0, 2**64 - 1),
-    }
+def split_of_segmentation(options: SegmentOptions) -> tuple[dict[str, Any], int | None, Progress | None]:
+    """As `split`, for a segmentation."""
+    given, threads, progress = _running(options)
+    folder = given.pop("out_masks", None)
+    out_masks = None if folder is None else os.fspath(folder)
+    return {"chosen": _chosen(given, SEGMENTATION_KINDS, "segment"), "out_masks": out_masks}, threads, progress
 
 
-def of_association(
-    *,
-    ids: str,
-    source: str | None,
-    thorough: bool,
-    min_views: int,
-    min_score: float | None,
-    max_overlap: float | None,
-    edge_noise_px: float | None,
-    priors: Path | Mapping[str, Prior] | None,
-) -> dict[str, Any]:
-    """The core's keywords of an association."""
-    name, text = _priors(priors)
-    return {
-        "ids": _checks.text("ids", ids),
-        "source": _checks.optional(_checks.text, "source", source),
-        "thorough": _checks.flag("thorough", thorough),
-        "min_views": _checks.whole("min_views", min_views, 2, 2**32),
-        "min_score": _checks.optional(_checks.number, "min_score", min_score),
-        "max_overlap": _checks.optional(_checks.number, "max_overlap", max_overlap),
-        "edge_noise_px": _checks.optional(_checks.number, "edge_noise_px", edge_noise_px),
-        "priors": name,
-        "priors_text": text,
-    }
+def split_of_association(options: AssociateOptions) -> tuple[dict[str, Any], int | None, Progress | None]:
+    """As `split`, for an association."""
+    given, threads, progress = _running(options)
+    priors, text = _priors(given.pop("priors", None))
+    chosen = _chosen(given, ASSOCIATION_KINDS, "associate")
+    return {"chosen": chosen, "priors": priors, "priors_text": text}, threads, progress
 
 
 def of_map(

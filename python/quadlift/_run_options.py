@@ -1,6 +1,6 @@
-"""The options of a run: types and kinds, written from crates/quadlift/src/run/rows.rs by the tests of the program.
+"""Options: types and kinds, written from crates/quadlift-io/src/options by the tests of the program.
 
-Do not edit; after a change of the table: ``QUADLIFT_UPDATE_DOCS=1 cargo test --test program python_options``.
+Do not edit; after a change of a table: ``QUADLIFT_UPDATE_DOCS=1 cargo test --test program python_options``.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class RunOptions(TypedDict, total=False):
     """Continue with an inconsistent scene."""
 
 
-KINDS = {
+RUN_KINDS = {
     "method": "text",
     "reg_weight": "number",
     "body": "text",
@@ -90,7 +90,7 @@ KINDS = {
     "seed": "whole",
     "allow_inconsistent": "flag",
 }
-"""The kind of value of each option."""
+"""The kind of value of each of them."""
 
 OF_OBJECTS = frozenset(
     {
@@ -103,3 +103,56 @@ OF_OBJECTS = frozenset(
     }
 )
 """Those that concern single objects."""
+
+
+class AssociationOptions(TypedDict, total=False):
+    """Options of an association."""
+
+    source: str | None
+    """Use only the detections of this source; required if the scene has several."""
+    ids: Literal["trust", "evidence", "ignore"]
+    """How far to trust existing ids: trust (keep them), evidence (they may be wrong) or ignore. Default:
+    "evidence"."""
+    thorough: bool
+    """Search from several starts: takes about four times as long, better with few views."""
+    min_views: int
+    """Skip objects with fewer views. Default: 3."""
+    min_score: float | None
+    """Skip detections with a lower score, such as 0.5."""
+    max_overlap: float | None
+    """Skip detections that overlap a better one of the same frame and category by more than this (intersection over
+    union)."""
+    edge_noise_px: float | None
+    """Error of box edges that does not depend on the size of the box, in pixels [default: 2, 4 or 8, the largest
+    that the evidence supports]."""
+
+
+ASSOCIATION_KINDS = {
+    "source": "text",
+    "ids": "text",
+    "thorough": "flag",
+    "min_views": "whole",
+    "min_score": "number",
+    "max_overlap": "number",
+    "edge_noise_px": "number",
+}
+"""The kind of value of each of them."""
+
+
+class SegmentationOptions(TypedDict, total=False):
+    """Options of a segmentation."""
+
+    method: Literal["graphcut", "sca", "masks"]
+    """Segmentation method: graphcut, sca or masks (those of the scene). Default: "graphcut"."""
+    source: str | None
+    """Segment only the detections of this source; required if the scene has several."""
+    seed: int
+    """Seed of the random numbers. Default: 0."""
+
+
+SEGMENTATION_KINDS = {
+    "method": "text",
+    "source": "text",
+    "seed": "whole",
+}
+"""The kind of value of each of them."""

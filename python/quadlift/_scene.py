@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import warnings
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -85,16 +84,7 @@ class Scene(FromOtherPackages):
         scene, _ = self._core.corrected(_checks.text("assume", assume), _options.up(up))
         return Scene(scene)
 
-    def segment(
-        self,
-        *,
-        method: _options.Segmenter = "graphcut",
-        source: str | None = None,
-        out_masks: Path | None = None,
-        seed: int = 0,
-        threads: int | None = None,
-        progress: _options.Progress | None = None,
-    ) -> Scene:
+    def segment(self, **options: Unpack[_options.SegmentOptions]) -> Scene:
         """Segments the detections in the images and fits ellipses to the masks, like the program.
 
         The crops of an object from all its frames are segmented jointly. An unreliable mask is replaced by the ellipse
@@ -102,18 +92,10 @@ class Scene(FromOtherPackages):
 
         Parameters
         ----------
-        method : {"graphcut", "sca", "masks"}
-            Graph cuts, Stel Component Analysis (the paper's method), or the existing masks of the detections.
-        source : str, optional
-            Use only the detections of this source; required if the scene has several.
-        out_masks : path-like, optional
-            A folder for the masks as label images (PNG), one per frame; without it they are stored in the scene.
-        seed : int
-            Seed of the random numbers.
-        threads : int, optional
-            Number of threads; the result does not depend on it.
-        progress : callable, optional
-            Called with the numbers of finished and of all images, then of objects.
+        **options
+            ``method`` ("graphcut": graph cuts; "sca": Stel Component Analysis, the paper's method; "masks": the
+            existing masks of the detections), ``source``, ``seed``, ``out_masks``, ``threads``,
+            ``progress``: `SegmentOptions`.
 
         Returns
         -------
@@ -130,51 +112,22 @@ class Scene(FromOtherPackages):
         UserWarning
             For problems of single detections (such as an image that cannot be read).
         """
-        threads, progress = _options.threads_and_progress(threads, progress)
-        keywords = _options.of_segmentation(method, source, out_masks, seed)
+        keywords, threads, progress = _options.split_of_segmentation(options)
         scene, problems = self._core.segment(keywords, threads, progress)
         for problem in problems:
             warnings.warn(problem, stacklevel=2)
         return Scene(scene)
 
     def associate(
-        self,
-        *,
-        ids: _options.Ids = "evidence",
-        source: str | None = None,
-        thorough: bool = False,
-        min_views: int = 3,
-        min_score: float | None = None,
-        max_overlap: float | None = None,
-        edge_noise_px: float | None = None,
-        priors: Path | Mapping[str, _options.Prior] | None = None,
-        threads: int | None = None,
-        progress: _options.Progress | None = None,
+        self, **options: Unpack[_options.AssociateOptions]
     ) -> tuple[Scene, list[_estimates.AssociatedObject]]:
         """Associates detections that show the same object.
 
         Parameters
         ----------
-        ids : {"evidence", "trust", "ignore"}
-            How far to trust existing ids.
-        source : str, optional
-            Use only the detections of this source.
-        thorough : bool
-            Search from several starts: takes about four times as long, better with few views.
-        min_views : int
-            Skip objects with fewer views.
-        min_score : float, optional
-            Skip detections with a lower score.
-        max_overlap : float, optional
-            Skip detections that overlap a better one of the same frame and category by more (intersection over union).
-        edge_noise_px : float, optional
-            Size-independent error of box edges, pixels. By default 2, 4 or 8, the largest that the evidence supports.
-        priors : str, path-like or mapping, optional
-            Sizes of categories: "builtin" (for scenes in meters), a TOML file, or a mapping, as in `localize`.
-        threads : int, optional
-            Number of threads.
-        progress : callable, optional
-            Called with the numbers of finished and of all steps.
+        **options
+            ``ids`` ("evidence", "trust" or "ignore"), ``source``, ``thorough``, ``min_views``, ``min_score``,
+            ``max_overlap``, ``edge_noise_px``, ``priors``, ``threads``, ``progress``: `AssociateOptions`.
 
         Returns
         -------
@@ -188,17 +141,7 @@ class Scene(FromOtherPackages):
         QuadliftError
             If no object was found, with the reason, or if an option is invalid.
         """
-        threads, progress = _options.threads_and_progress(threads, progress)
-        keywords = _options.of_association(
-            ids=ids,
-            source=source,
-            thorough=thorough,
-            min_views=min_views,
-            min_score=min_score,
-            max_overlap=max_overlap,
-            edge_noise_px=edge_noise_px,
-            priors=priors,
-        )
+        keywords, threads, progress = _options.split_of_association(options)
         scene, objects = self._core.associate(keywords, threads, progress)
         return Scene(scene), [_estimates.AssociatedObject(*found) for found in objects]
 

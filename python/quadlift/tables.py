@@ -32,7 +32,7 @@ Table = TypeVar("Table")
 
 _log = logging.getLogger("quadlift")
 _OF_OBJECTS = _run_options.OF_OBJECTS | {"priors"}
-_OF_SCENES = frozenset(_run_options.KINDS) - {
+_OF_SCENES = frozenset(_run_options.RUN_KINDS) - {
     "source",
     "measurement",
     "max_occluded",

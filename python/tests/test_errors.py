@@ -212,8 +212,8 @@ def test_wrong_options_of_association() -> None:
         "edge_noise_px": ({"edge_noise_px": -1}, "-1"),
         "max_overlap": ({"max_overlap": 2.0}, "2"),
         "thorough": ({"thorough": "yes"}, "thorough is 'yes'; expected True or False"),
-        "ids": ({"ids": "none"}, 'ids is "none"; expected one of "trust", "evidence", "ignore"'),
-        "min_views": ({"min_views": 1}, "min_views is 1; expected a whole number from 2"),
+        "ids": ({"ids": "none"}, 'ids is "none"; expected one of trust, evidence, ignore'),
+        "min_views": ({"min_views": 1}, "min_views is 1; expected a whole number of at least 2"),
         "priors": ({"priors": "builtin"}, "the length unit of the scene is not given"),
         "source": ({"source": "yolo"}, 'there are no detections of the source "yolo"'),
     }

@@ -93,7 +93,7 @@ def test_wrong_arguments() -> None:
         boxes.segment()
     with pytest.raises(quadlift.QuadliftError, match='no detection has a "mask"'):
         boxes.segment(method="masks")
-    with pytest.raises(quadlift.QuadliftError, match='method is "gmm"; expected one of "graphcut", "sca", "masks"'):
+    with pytest.raises(quadlift.QuadliftError, match='method is "gmm"; expected one of graphcut, sca, masks'):
         boxes.segment(method="gmm")  # type: ignore[arg-type]
     two = boxes.with_detections(frames=[0], boxes=[[0, 0, 9, 9]], source="b")
     with pytest.raises(quadlift.QuadliftError, match=r"several sources \(a, b\).*\(source=\.\.\.\)"):

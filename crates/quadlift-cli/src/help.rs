@@ -9,6 +9,8 @@ use quadlift_io::formats;
 use anstyle::Style;
 use texts::{HEADINGS, HIDDEN, TEXTS, Text, USUAL};
 
+use crate::options::is_declared;
+
 /// Columns of a line.
 const WIDTH: usize = 100;
 /// Style of headings, as clap's.
@@ -124,6 +126,9 @@ fn with_texts(command: Command, name: &str) -> Command {
     ids.sort_by_key(|(rank, _)| *rank);
     let command = ids.iter().fold(command, |command, (_, id)| {
         command.mut_arg(id, |arg| {
+            if is_declared(name, id) {
+                return arg;
+            }
             let Some(text) = text_of(&arg) else { return arg };
             let place = TEXTS.iter().position(|other| std::ptr::eq(other, text));
             let arg = arg.display_order(place.unwrap_or(TEXTS.len()));

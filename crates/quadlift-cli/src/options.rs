@@ -5,10 +5,14 @@ use std::path::Path;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser, ValueParser};
 use clap::{Arg, ArgAction, ArgMatches, Args, FromArgMatches};
-use quadlift::online::{ONLINE, OnlineOptions};
-use quadlift::options::{Command, Kind, Spec, Spelling, Value, set_options};
-use quadlift::run::{RUN, RunOptions};
-use quadlift_io::options::levels_of_result;
+use quadlift::association::AssociateOptions;
+use quadlift::online::OnlineOptions;
+use quadlift::run::RunOptions;
+use quadlift_io::options::{
+    ASSOCIATION, Command, Kind, MAP, RUN, Spec, Spelling, Value, levels_of_result, set_options,
+};
+
+use quadlift_io::segmentation::{SEGMENTATION, Settings};
 
 use crate::error::usage;
 
@@ -72,8 +76,42 @@ pub(crate) enum StreamMap {}
 
 impl List for StreamMap {
     type Options = OnlineOptions;
-    const ROWS: &'static [Spec<OnlineOptions>] = ONLINE;
+    const ROWS: &'static [Spec<OnlineOptions>] = MAP;
     const COMMAND: Command = Command::Stream;
+}
+
+/// The options of the association in `associate`.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum OfAssociation {}
+
+impl List for OfAssociation {
+    type Options = AssociateOptions;
+    const ROWS: &'static [Spec<AssociateOptions>] = ASSOCIATION;
+    const COMMAND: Command = Command::Associate;
+}
+
+/// The options of the segmentation in `segment`.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum OfSegmentation {}
+
+impl List for OfSegmentation {
+    type Options = Settings;
+    const ROWS: &'static [Spec<Settings>] = SEGMENTATION;
+    const COMMAND: Command = Command::Segment;
+}
+
+/// Whether an option of a command is a row of a table, which has its texts.
+pub(crate) fn is_declared(command: &str, option: &str) -> bool {
+    fn has<L: List>(option: &str) -> bool {
+        rows::<L>().any(|row| row.name == option)
+    }
+    match command {
+        "localize" => has::<Localize>(option),
+        "associate" => has::<Associate>(option) || has::<OfAssociation>(option),
+        "segment" => has::<Segment>(option) || has::<OfSegmentation>(option),
+        "stream" => has::<Stream>(option) || has::<StreamMap>(option),
+        _ => false,
+    }
 }
 
 /// The options of a command as they were given.
@@ -99,13 +137,17 @@ impl<L: List> Chosen<L> {
     }
 }
 
+/// Options of tables come after the others of their heading.
+const AFTER_OTHERS: usize = 1000;
+
 fn rows<L: List>() -> impl Iterator<Item = &'static Spec<L::Options>> {
     L::ROWS.iter().filter(|row| row.is_of(L::COMMAND))
 }
 
 impl<L: List> Args for Chosen<L> {
     fn augment_args(command: clap::Command) -> clap::Command {
-        command.args(rows::<L>().map(argument))
+        let arguments = rows::<L>().enumerate().map(|(place, row)| argument(row).display_order(AFTER_OTHERS + place));
+        command.args(arguments)
     }
 
     fn augment_args_for_update(command: clap::Command) -> clap::Command {
@@ -137,26 +179,18 @@ fn is_on<O: Default>(row: &Spec<O>) -> bool {
 /// The argument of an option.
 fn argument<O: Default + 'static>(row: &'static Spec<O>) -> Arg {
     let name = row.name.replace('_', "-");
-    let arg = Arg::new(row.name);
-    let arg = if row.group.is_empty() { arg } else { arg.help_heading(row.group) };
+    let arg = Arg::new(row.name).help_heading(row.group.title()).help(row.short);
     let arg = match row.kind {
         Kind::Flag if is_on(row) => {
-            return arg
-                .long(format!("no-{name}"))
-                .action(ArgAction::SetTrue)
-                .help(format!("Do not {}", lowered(row.help)));
+            let help = format!("Do not {}", lowered(row.help));
+            return arg.long(format!("no-{name}")).action(ArgAction::SetTrue).long_help(help);
         }
-        Kind::Flag => return arg.long(name).action(ArgAction::SetTrue).help(row.help),
-        Kind::Number(_) => arg.value_name("X"),
-        Kind::Whole(_) => arg.value_name("N"),
-        Kind::Numbers(names) => arg.value_name(names.join(",")),
-        Kind::Levels => arg.value_name("RESULT.json|NAME=X,..."),
-        Kind::Choice(_) | Kind::Text => arg.value_name(row.name.to_uppercase()),
-        Kind::ChoiceOr(bare, _) => {
-            arg.value_name(row.name.to_uppercase()).num_args(0..=1).require_equals(true).default_missing_value(bare)
-        }
+        Kind::Flag => return arg.long(name).action(ArgAction::SetTrue).long_help(row.help),
+        Kind::ChoiceOr(bare, _) => arg.num_args(0..=1).require_equals(true).default_missing_value(bare),
+        _ => arg,
     };
-    let arg = arg.long(name).help(row.help).value_parser(parser(row)).hide_possible_values(true);
+    let arg = arg.long(name).value_name(row.placeholder).long_help(row.help);
+    let arg = arg.value_parser(parser(row)).hide_possible_values(true);
     match row.default() {
         Value::Unset => arg,
         Value::Text(text) => arg.default_value(text),

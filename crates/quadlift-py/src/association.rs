@@ -6,45 +6,29 @@ use quadlift::run::{RunError, identify};
 use quadlift::scene::Scene;
 use quadlift_io::association::skipped_in_words;
 use quadlift_io::diagnosis::{Context, DiagnosisRecord};
+use quadlift_io::options::ASSOCIATION;
 use quadlift_io::run::InputError;
 
-use crate::error::refuse;
 use crate::loaded::Loaded;
-use crate::options::{named, read_priors};
+use crate::options::{Chosen, chosen, read_priors};
 use crate::run::Ticker;
 
-/// The keywords of `associate`, as Python hands them over. Names are those of the program.
+/// The keywords of `associate`, as Python hands them over.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct AssociateKeywords {
-    ids: String,
-    source: Option<String>,
-    thorough: bool,
-    min_views: usize,
-    min_score: Option<f64>,
-    max_overlap: Option<f64>,
-    edge_noise_px: Option<f64>,
+    /// Those of [`ASSOCIATION`] that are given.
+    chosen: Chosen,
     priors: Option<String>,
     priors_text: Option<String>,
 }
 
 impl AssociateKeywords {
     /// Checks the keywords for a scene.
-    pub(crate) fn for_scene(self, scene: &Scene) -> PyResult<AssociateOptions> {
+    pub(crate) fn for_scene(&self, scene: &Scene) -> PyResult<AssociateOptions> {
         let unit = scene.length_unit.as_deref();
         let priors = read_priors(self.priors.as_deref(), self.priors_text.as_deref(), unit)?;
-        let options = AssociateOptions {
-            ids: named("ids", &self.ids)?,
-            thorough: self.thorough,
-            min_views: self.min_views,
-            min_score: self.min_score,
-            max_overlap: self.max_overlap,
-            edge_noise_px: self.edge_noise_px,
-            priors,
-            ..Default::default()
-        };
-        options.validate().map_err(refuse)?;
-        Ok(AssociateOptions { source: self.source, ..options })
+        Ok(AssociateOptions { priors, ..chosen(ASSOCIATION, &self.chosen)? })
     }
 }
 

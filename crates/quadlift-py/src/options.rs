@@ -6,11 +6,9 @@ use std::str::FromStr;
 
 use pyo3::prelude::*;
 use quadlift::UnknownName;
-use quadlift::options::{Spelling, Value, set_options};
-use quadlift::run::{RUN, RunOptions};
 use quadlift::solve::CategoryPriors;
 use quadlift_io::coverage::{CoverageRecord, ResultAndTruth, coverage};
-use quadlift_io::options::check_needs_posterior;
+use quadlift_io::options::{RUN, Spec, Spelling, Value, check_needs_posterior, set_options};
 use quadlift_io::priors::check_meters;
 use quadlift_io::run::{FileOptions, PriorSource};
 
@@ -19,7 +17,7 @@ use crate::scene::PyScene;
 
 /// The value of an option.
 #[derive(Debug, Clone, FromPyObject)]
-enum Given {
+pub(crate) enum Given {
     Flag(bool),
     Whole(u64),
     Number(f64),
@@ -45,12 +43,23 @@ impl From<Given> for Value {
     }
 }
 
+/// Options by their names, as Python hands them over.
+pub(crate) type Chosen = HashMap<String, Option<Given>>;
+
+/// The options of a table with what was chosen.
+pub(crate) fn chosen<O: Default>(rows: &[Spec<O>], chosen: &Chosen) -> PyResult<O> {
+    let given: Vec<(&str, Value)> = chosen.iter().map(|(name, value)| (name.as_str(), value.clone().into())).collect();
+    let mut options = O::default();
+    set_options(rows, &given, &mut options, Spelling::Keyword).map_err(refuse)?;
+    Ok(options)
+}
+
 /// The keywords of `localize`, as Python hands them over.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct LocalizeKeywords {
     /// Those of [`RUN`] that are given.
-    run: HashMap<String, Option<Given>>,
+    run: Chosen,
     /// "builtin" or a path.
     priors: Option<String>,
     /// The text of a file of priors, in the place of a path.
@@ -62,10 +71,7 @@ pub(crate) struct LocalizeKeywords {
 impl LocalizeKeywords {
     /// Checks the keywords and reads what they name.
     pub(crate) fn options(&self) -> PyResult<FileOptions> {
-        let given: Vec<(&str, Value)> =
-            self.run.iter().map(|(name, value)| (name.as_str(), value.clone().into())).collect();
-        let mut run = RunOptions::default();
-        set_options(RUN, &given, &mut run, Spelling::Keyword).map_err(refuse)?;
+        let run = chosen(RUN, &self.run)?;
         let of_posterior =
             [("priors", self.priors.is_some() || self.priors_text.is_some()), ("coverage", !self.coverage.is_empty())];
         for (name, _) in of_posterior.into_iter().filter(|(_, is_given)| *is_given) {

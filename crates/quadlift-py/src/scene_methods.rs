@@ -207,9 +207,9 @@ impl PyScene {
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<(Self, Vec<String>)> {
-        let method = keywords.method()?;
+        let settings = keywords.settings()?;
         let loaded = Arc::clone(&self.loaded);
-        let work = move |ticker: &Ticker| keywords.segmented(method, &loaded, ticker);
+        let work = move |ticker: &Ticker| keywords.segmented(&settings, &loaded, ticker);
         let (file, problems) = in_background(py, threads, progress, work)?;
         Ok((Self::new(file, self.loaded.path.clone())?, problems))
     }

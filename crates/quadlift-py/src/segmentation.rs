@@ -7,32 +7,31 @@ use pyo3::prelude::*;
 use quadlift::Observer;
 use quadlift::scene::SourceError;
 use quadlift_io::SceneFile;
-use quadlift_io::segmentation::{Method, SegmentSceneError, Settings, Step, add_to_scene, segment_scene};
+use quadlift_io::segmentation::{SEGMENTATION, SegmentSceneError, Settings, Step, add_to_scene, segment_scene};
 
 use crate::loaded::Loaded;
-use crate::options::choice;
+use crate::options::{Chosen, chosen};
 use crate::run::Ticker;
 
-/// The keywords of `segment`, as Python hands them over. Names are those of the program.
+/// The keywords of `segment`, as Python hands them over.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct SegmentKeywords {
-    method: String,
-    source: Option<String>,
+    /// Those of [`SEGMENTATION`] that are given.
+    chosen: Chosen,
     out_masks: Option<PathBuf>,
-    seed: u64,
 }
 
 impl SegmentKeywords {
-    /// Checks the method.
-    pub(crate) fn method(&self) -> PyResult<Method> {
-        choice("method", &self.method, &Method::ALL.map(|method| (method.name(), method)))
+    /// Checks the options.
+    pub(crate) fn settings(&self) -> PyResult<Settings> {
+        chosen(SEGMENTATION, &self.chosen)
     }
 
     /// Segments a scene: the file with what was found, as the program writes it, and what went wrong, in words.
     pub(crate) fn segmented(
         self,
-        method: Method,
+        settings: &Settings,
         loaded: &Loaded,
         ticker: &Ticker,
     ) -> Result<(SceneFile, Vec<String>), String> {
@@ -46,8 +45,7 @@ impl SegmentKeywords {
                 path.display()
             ));
         }
-        let settings = Settings { method, source: self.source, seed: self.seed, with_crops: false };
-        let segmentation = segment_scene(scene, &images, &settings, &|step, done, total| {
+        let segmentation = segment_scene(scene, &images, settings, &|step, done, total| {
             let next = ticker.progress(done, total);
             if step == Step::Images && done == total {
                 ticker.restart();
@@ -67,7 +65,7 @@ impl SegmentKeywords {
         }
         let mut file = SceneFile::clone(file);
         let folder = path.parent().unwrap_or(Path::new(""));
-        add_to_scene(&mut file, scene, &segmentation, method, [folder, folder], self.out_masks.as_deref())
+        add_to_scene(&mut file, scene, &segmentation, settings.method, [folder, folder], self.out_masks.as_deref())
             .map_err(|error| error.to_string())?;
         Ok((file, problems))
     }

@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
-use quadlift::online::{ONLINE, OnlineOptions};
-use quadlift::options::{Spelling, set_options};
-use quadlift::run::{AssociateWhen, RUN, RunOptions};
+use quadlift::online::OnlineOptions;
+use quadlift::run::{AssociateWhen, RunOptions};
 use quadlift::solve::PoseNoise;
 use quadlift_io::mcap::LiveOptions;
 use quadlift_io::read::PixelCenters;
 use quadlift_io::run::{FileOptions, PriorSource};
 use quadlift_io::stream::{StoredPriors, lasting_options};
+use quadlift_io::options::{MAP, RUN, Spelling, set_options};
 use serde_json::{Map, Value, json};
 
 use crate::arguments::Arguments;
@@ -87,7 +87,7 @@ impl Options {
         let pose_noise = run.localize.method.posterior_options().and_then(|map| map.pose_noise);
         let estimates = FileOptions::new(run, priors).map_err(|error| error.to_string())?;
         let mut map = OnlineOptions { priors: estimates.category_priors(), ..OnlineOptions::default() };
-        set_options(ONLINE, &parameters.chosen(ONLINE), &mut map, Spelling::Parameter)?;
+        set_options(MAP, &parameters.chosen(MAP), &mut map, Spelling::Parameter)?;
         map.validate().map_err(|error| error.to_string())?;
         let mut lasting = lasting_options(&map, stored_priors.as_ref(), pose_noise, None);
         // As `quadlift stream` names them for logs; what is usual is left out.

@@ -1,10 +1,8 @@
 //! The parameters of the node: names, defaults and types.
 
+use quadlift_io::options::{MAP, RUN, Command, Kind, Spec, Value as Choice};
 use std::collections::BTreeMap;
 
-use quadlift::online::ONLINE;
-use quadlift::options::{Command, Kind, Spec, Value as Choice};
-use quadlift::run::RUN;
 
 /// A value of a parameter.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,7 +72,7 @@ pub fn all() -> Vec<Parameter> {
         fixed("resume", Value::Bool(false), "go on from state_file, if the file exists"),
         fixed("use_sim_time", Value::Bool(false), "without effect: all times are those of the messages"),
     ];
-    list.extend(declared(ONLINE).chain(declared(RUN)));
+    list.extend(declared(MAP).chain(declared(RUN)));
     list
 }
 

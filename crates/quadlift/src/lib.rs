@@ -75,7 +75,6 @@ pub mod metrics;
 pub mod calibrate_rig;
 mod localize;
 mod names;
-pub mod options;
 pub mod run;
 pub mod relocalize;
 pub mod align;

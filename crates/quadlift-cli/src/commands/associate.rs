@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
-use quadlift::association::{AssociateOptions, IdPolicy};
+use clap::builder::RangedU64ValueParser;
+use quadlift::association::AssociateOptions;
 use quadlift::run::identify;
 use quadlift_io::association::{AssociationRecord, write_objects};
 use quadlift_io::diagnosis::DiagnosisRecord;
@@ -13,15 +13,14 @@ use quadlift_io::priors::check_meters;
 use quadlift_io::{builtin_priors, read_priors, write_scene_file};
 use serde_json::json;
 
-use crate::args;
 use crate::association::{in_words, labels};
 use crate::corrections::{Corrections, corrected_in_words, read_input};
 use crate::diagnosis::tell;
-use crate::error::{Outcome, usage};
+use crate::error::Outcome;
 use crate::files::{Inputs, check_result_name, move_paths, outputs};
 use crate::localization::run_error;
 use crate::next::Next;
-use crate::options::{Associate, Chosen};
+use crate::options::{Associate, Chosen, OfAssociation};
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::progress::RunProgress;
 use crate::table::{Cell, MAX_ROWS, Table, rest};
@@ -58,33 +57,8 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "OUT.json")]
     output: PathBuf,
 
-    /// Use only the detections of this source; required if the scene has several
-    #[arg(long, value_name = "NAME")]
-    source: Option<String>,
-
-    /// How far to trust existing ids: trust (keep them), evidence (they may be wrong) or ignore
-    #[arg(long, value_name = "IDS", default_value = "evidence", value_parser = ids_by_name(), hide_possible_values = true)]
-    ids: IdPolicy,
-
-    /// Search from several starts: takes about four times as long, better with few views
-    #[arg(long)]
-    thorough: bool,
-
-    /// Skip objects with fewer views
-    #[arg(long, value_name = "N", default_value_t = 3)]
-    min_views: usize,
-
-    /// Skip detections with a lower score, such as 0.5
-    #[arg(long, value_name = "S", value_parser = args::finite)]
-    min_score: Option<f64>,
-
-    /// Skip detections that overlap a better one of the same frame and category by more than this (intersection over union)
-    #[arg(long, value_name = "IOU", value_parser = args::finite)]
-    max_overlap: Option<f64>,
-
-    /// Size-independent error of box edges in pixels [default: 2, 4 or 8, the largest that the evidence supports]
-    #[arg(long, value_name = "PX", value_parser = args::positive)]
-    edge_noise_px: Option<f64>,
+    #[command(flatten)]
+    of_association: Chosen<OfAssociation>,
 
     /// Sizes of categories: "builtin" (for scenes in meters) or a TOML file
     #[arg(long, value_name = "builtin|FILE.toml")]
@@ -101,11 +75,6 @@ pub(crate) struct Args {
     chosen: Chosen<Associate>,
 }
 
-/// Reads a use of ids by its name.
-fn ids_by_name() -> impl TypedValueParser<Value = IdPolicy> {
-    PossibleValuesParser::new(IdPolicy::NAMES).try_map(|name| name.parse::<IdPolicy>())
-}
-
 pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     threads::start(args.threads)?;
     let of_run = args.chosen.options()?;
@@ -113,23 +82,13 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     check_result_name(&args.output, false)?;
     outputs(&inputs, &args.output)?;
     let options = AssociateOptions {
-        source: args.source.clone(),
-        ids: args.ids,
-        min_views: args.min_views,
-        min_score: args.min_score,
-        max_overlap: args.max_overlap,
-        edge_noise_px: args.edge_noise_px,
-        thorough: args.thorough,
         priors: match &args.priors {
             None => Default::default(),
             Some(name) if name.as_os_str() == "builtin" => builtin_priors(),
             Some(path) => read_priors(path)?,
         },
-        ..Default::default()
+        ..args.of_association.options()?
     };
-    if let Err(error) = options.validate() {
-        return usage(error.to_string());
-    }
     let mut input = read_input(&args.scene, &args.corrections.list()?)?;
     check_not_read(&args.output)?;
     if args.priors.as_ref().is_some_and(|name| name.as_os_str() == "builtin") {
@@ -141,7 +100,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let (check, association) = found.map_err(|error| run_error(error, &title, &input))?;
     out.detail(&format!("associated in {}", duration(start.elapsed())));
     let scene = input.scene();
-    let associated = association.applied_to(scene, scene.source_index(args.source.as_deref())?);
+    let associated = association.applied_to(scene, scene.source_index(options.source.as_deref())?);
     let mut file = (*input.file).clone();
     move_paths(&mut file, &args.scene, &args.output)?;
     write_objects(&mut file.detections, &associated);
@@ -169,7 +128,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         rest(association.objects.len(), "object", "--json lists all"),
         args.output.display()
     ))?;
-    Next::default().localize(&args.output, args.source.as_deref(), "", "localize the objects").tell(out)?;
+    Next::default().localize(&args.output, options.source.as_deref(), "", "localize the objects").tell(out)?;
     let mut document = json!(AssociationRecord::of(scene, &association));
     if !input.notes.is_empty() {
         document["corrections"] = json!(input.notes);

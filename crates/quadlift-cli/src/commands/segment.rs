@@ -22,7 +22,7 @@ use crate::diagnosis::tell;
 use crate::error::{Outcome, usage};
 use crate::files::{Inputs, check_result_name, make_folder, outputs};
 use crate::next::Next;
-use crate::options::{Chosen, Segment};
+use crate::options::{Chosen, OfSegmentation, Segment};
 use crate::output::{BAD, GOOD, HEADING, Output, WARNING, one_line};
 use crate::report::{Gathered, check_report};
 use crate::segmentation::segment_scene;
@@ -66,13 +66,8 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "OUT.json")]
     output: PathBuf,
 
-    /// Segmentation method: graphcut, sca or masks (see below)
-    #[arg(long, value_name = "METHOD", default_value = "graphcut", value_parser = method)]
-    method: Method,
-
-    /// Segment only the detections of this source; required if the scene has several
-    #[arg(long, value_name = "NAME")]
-    source: Option<String>,
+    #[command(flatten)]
+    of_segmentation: Chosen<OfSegmentation>,
 
     /// Take the images from this video: of each frame the one with the number in its name, or in its place (needs ffmpeg)
     #[arg(long, value_name = "VIDEO")]
@@ -90,10 +85,6 @@ pub(crate) struct Args {
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
 
-    /// Seed of the random numbers
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u64,
-
     /// Number of threads [default: one per core]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
     threads: Option<usize>,
@@ -105,14 +96,10 @@ pub(crate) struct Args {
     chosen: Chosen<Segment>,
 }
 
-fn method(text: &str) -> Result<Method, String> {
-    let method = Method::ALL.into_iter().find(|method| method.name() == text);
-    method.ok_or_else(|| "expected graphcut, sca or masks".to_owned())
-}
-
 pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     threads::start(args.threads)?;
     let of_run = args.chosen.options()?;
+    let settings = Settings { with_crops: args.contact_sheets.is_some(), ..args.of_segmentation.options()? };
     let inputs = Inputs { paths: vec![args.scene.clone()], several: false };
     check_result_name(&args.output, false)?;
     outputs(&inputs, &args.output)?;
@@ -120,7 +107,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let start = Instant::now();
     let mut input = read_input(&args.scene, &args.corrections.list()?)?;
     [Some(&args.output), args.report.as_ref()].into_iter().flatten().try_for_each(|path| check_not_read(path))?;
-    let check = Check::with_identities(&mut input, args.source.as_deref(), of_run.fix)?;
+    let check = Check::with_identities(&mut input, settings.source.as_deref(), of_run.fix)?;
     let (scene, notes) = (input.scene(), &input.notes);
     let mut file = (*input.file).clone();
     let mut of_video = None;
@@ -130,12 +117,6 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     }
     let images = file.to_images(&args.scene).map_err(|error| error.in_file(&args.scene))?;
     check_folders(args, &images)?;
-    let settings = Settings {
-        method: args.method,
-        source: args.source.clone(),
-        seed: args.seed,
-        with_crops: args.contact_sheets.is_some(),
-    };
     let title = args.scene.display().to_string();
     let segmentation = segment_scene(&title, scene, &images, &settings, out).with_context(|| title.clone())?;
     let problems: Vec<String> = segmentation.problems.in_words(scene);
@@ -152,7 +133,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
         write_sheets(&segmentation, scene, folder)?;
     }
     let folders = [&args.scene, &args.output].map(|path| path.parent().unwrap_or(Path::new("")));
-    add_to_scene(&mut file, scene, &segmentation, args.method, folders, args.out_masks.as_deref())?;
+    add_to_scene(&mut file, scene, &segmentation, settings.method, folders, args.out_masks.as_deref())?;
     // Last, so that it never names masks that do not exist.
     write_scene_file(&args.output, &file)?;
     if let Some(report) = &args.report {
@@ -161,13 +142,13 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let written = start.elapsed() - segmented;
     out.detail(&format!("segmented in {}, written in {}", duration(segmented), duration(written)));
     let purpose = "localize the objects from boxes and ellipses";
-    let next = Next::default().localize(&args.output, args.source.as_deref(), " --report objects.html", purpose);
+    let next = Next::default().localize(&args.output, settings.source.as_deref(), " --report objects.html", purpose);
     let of_video = of_video.map_or_else(String::new, |note| format!("note: {}\n", one_line(&note)));
-    out.report(&(report(args, scene, &segmentation, notes) + &of_video + &next.text()))?;
+    out.report(&(report(args, settings.method, scene, &segmentation, notes) + &of_video + &next.text()))?;
     out.document(&json!({
         "scene": title,
         "output": args.output.display().to_string(),
-        "method": args.method.name(),
+        "method": settings.method.name(),
         "masks": args.out_masks.as_ref().map(|folder| folder.display().to_string()),
         "contact_sheets": args.contact_sheets.as_ref().map(|folder| folder.display().to_string()),
         "objects": segmentation.groups.iter().map(|group| Summary::of(group, &segmentation).to_json()).collect::<Vec<_>>(),
@@ -272,7 +253,7 @@ impl Summary {
     }
 }
 
-fn report(args: &Args, scene: &Scene, segmentation: &Segmentation, notes: &[String]) -> String {
+fn report(args: &Args, method: Method, scene: &Scene, segmentation: &Segmentation, notes: &[String]) -> String {
     let summaries: Vec<Summary> = segmentation.groups.iter().map(|group| Summary::of(group, segmentation)).collect();
     let total = |f: fn(&Summary) -> usize| summaries.iter().map(f).sum::<usize>();
     let mut table = Table::new([
@@ -292,7 +273,7 @@ fn report(args: &Args, scene: &Scene, segmentation: &Segmentation, notes: &[Stri
         one_line(&args.scene.display().to_string()),
         total(|s| s.detections - s.failed),
         count(total(|s| s.detections), "detection"),
-        args.method.name(),
+        method.name(),
         corrected_in_words(notes),
         table.render() + &rest(summaries.len(), "object", "--json lists all")
     );
@@ -304,7 +285,7 @@ fn report(args: &Args, scene: &Scene, segmentation: &Segmentation, notes: &[Stri
         ));
     }
     if let Some(alone) = summaries.iter().find(|s| s.object.is_none())
-        && matches!(args.method, Method::Image(_))
+        && matches!(method, Method::Image(_))
     {
         text.push_str(&format!(
             "note: {} without an object id: each was segmented alone, which is less reliable\n",

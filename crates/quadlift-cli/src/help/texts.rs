@@ -1,5 +1,7 @@
 //! The short texts of options in `-h`, with their headings and placeholders. Long texts are where the options are declared.
 
+use quadlift_io::options::Group;
+
 /// An option or argument in the help.
 pub(super) struct Text {
     /// The command that it belongs to; empty for all that have it.
@@ -14,17 +16,17 @@ pub(super) struct Text {
     pub short: &'static str,
 }
 
-const INPUT: &str = "Input";
-const OUTPUT: &str = "Output";
-const MODEL: &str = "Model";
-const ASSOCIATION: &str = "Association";
-const POSES: &str = "Camera poses";
-const CORRECTIONS: &str = "Input corrections";
+const INPUT: &str = Group::Input.title();
+const OUTPUT: &str = Group::Output.title();
+const MODEL: &str = Group::Model.title();
+const ASSOCIATION: &str = Group::Association.title();
+const POSES: &str = Group::Poses.title();
+const CORRECTIONS: &str = Group::Corrections.title();
 const FORMATS: &str = "Other formats";
 const LOGS: &str = "Logs in MCAP";
 const SCENE: &str = "Scene";
-const RUN: &str = "Run";
-const RESEARCH: &str = "Research";
+const RUN: &str = Group::Run.title();
+const RESEARCH: &str = Group::Research.title();
 
 /// All headings in the order of the help. Options without one come first.
 pub(super) const HEADINGS: [&str; 16] = [
@@ -118,10 +120,7 @@ const fn of(
 /// The texts. Those of a command come before those of all.
 pub(super) const TEXTS: &[Text] = &[
     of("segment", "scene", "", "SCENE", "Scene file whose frames name their images"),
-    of("segment", "method", MODEL, "graphcut|sca|masks", "Choose the segmentation method"),
     of("segment", "images", INPUT, "FILE", "Take the images from this video"),
-    of("associate", "min_views", ASSOCIATION, "N", "Skip objects with fewer views"),
-    of("stream", "min_views", MODEL, "N", "Confirm objects with this many views"),
     of("stream", "resume", INPUT, "", "Continue from the file of --state"),
     of("stream", "source", INPUT, "SOURCE", "Use only this source of a scene"),
     of("align", "up_sd", MODEL, "DEG", "Set the error of the up directions"),
@@ -159,11 +158,6 @@ pub(super) const TEXTS: &[Text] = &[
     of("", "into", INPUT, "SCENE", "Add the detections to this scene"),
     of("", "source", INPUT, "SOURCE", "Use only the detections of this source"),
     of("", "min_score", INPUT, "SCORE", "Skip detections with a lower score"),
-    of("", "min_views", INPUT, "N", "Skip objects with fewer views"),
-    of("", "max_overlap", INPUT, "IOU", "Skip boxes that overlap a better one"),
-    of("", "max_occluded", INPUT, "LEVEL", "Skip detections that are more occluded"),
-    of("", "max_truncated", INPUT, "LEVEL", "Skip detections that are more truncated"),
-    of("", "measurement", INPUT, "KIND", "Choose the measurements to use"),
     of("", "class_names", INPUT, "FILE", "Read class names from this file"),
     of("", "image_size", INPUT, "WxH", "Set the width and height of the images"),
     of("", "images", INPUT, "DIR", "Find the images in this folder"),
@@ -175,7 +169,6 @@ pub(super) const TEXTS: &[Text] = &[
     of("", "output", OUTPUT, "FILE", "Write the result to this file"),
     of("", "report", OUTPUT, "FILE", "Write a report in HTML"),
     of("", "compact", OUTPUT, "", "Write a third of the size"),
-    of("", "cross_validate", OUTPUT, "", "Predict each view from the others"),
     of("", "coverage", OUTPUT, "", "Calibrate confidence regions on earlier results"),
     of("", "out", OUTPUT, "DIR", "Write the files into this folder"),
     of("", "out_masks", OUTPUT, "DIR", "Write the masks as label images"),
@@ -198,33 +191,17 @@ pub(super) const TEXTS: &[Text] = &[
     of("", "frame_id", OUTPUT, "FRAME", "Name the world frame in headers"),
     of("", "views", OUTPUT, "FILE", "Write a second table of views"),
     // The model.
-    of("", "body", MODEL, "BODY", "Choose the kind of body to fit"),
     of("", "priors", MODEL, "FILE", "Read typical sizes of categories"),
-    of("", "learn_sizes", MODEL, "", "Learn the sizes of categories"),
-    of("", "upright", MODEL, "", "Do not detect which objects stand upright"),
-    of("", "ground_plane", MODEL, "", "Place all objects on one ground plane"),
-    of("", "camera_height", MODEL, "LENGTH", "Set the height of cameras above the ground"),
-    of("", "noise_model", MODEL, "LEVELS", "Use given noise levels"),
     of("", "edge_noise", MODEL, "SHARE", "Set the relative error of box edges"),
-    of("", "edge_noise_px", MODEL, "PX", "Set the pixel error of box edges"),
-    of("", "max_views", MODEL, "N", "Keep at most this many views per object"),
-    of("", "max_objects", MODEL, "N", "Keep at most this many objects"),
     of("", "baseline", MODEL, "CAM_A,CAM_B,LENGTH", "Set the distance between two cameras"),
     of("", "still", MODEL, "CATEGORY", "Name categories whose objects do not move"),
     of("", "rigid", MODEL, "", "Align maps of one scale"),
     of("", "similarity", MODEL, "", "Estimate the scale of the second map"),
     of("", "no_up", MODEL, "", "Do not use the up directions"),
     // Association and poses.
-    of("", "associate", ASSOCIATION, "auto|never|always", "Choose when detections are associated"),
-    of("", "ids", ASSOCIATION, "trust|evidence|ignore", "Choose how far to trust existing ids"),
-    of("", "thorough", ASSOCIATION, "", "Search from several starts"),
-    of("", "refine_poses", POSES, "auto|independent|slow", "Correct the poses together with the objects"),
-    of("", "pose_noise", POSES, "RAD,LENGTH", "Correct poses with these standard deviations"),
-    of("", "fixed_extrinsics", POSES, "", "Keep the cameras of a rig in place"),
     of("", "up_in_camera", POSES, "X,Y,Z", "Set the direction upwards in the cameras"),
     of("", "up_sd", POSES, "DEG", "Set the error of that direction"),
     // Corrections.
-    of("", "fix", CORRECTIONS, "", "Apply the corrections that the check proposes"),
     of("", "allow_inconsistent", CORRECTIONS, "", "Continue with an inconsistent scene"),
     of("", "assume", CORRECTIONS, "KEY=VALUE", "State what the inputs really are"),
     of("", "up", CORRECTIONS, "AXIS", "Set the world direction against gravity"),
@@ -286,6 +263,4 @@ pub(super) const TEXTS: &[Text] = &[
     of("", "verbose", RUN, "", "Print details to standard error"),
     of("", "quiet", RUN, "", "Print only errors"),
     of("", "max_pixels", RUN, "N", "Limit the pixels of an image"),
-    of("localize", "method", RESEARCH, "METHOD", "Choose the estimator to use"),
-    of("localize", "reg_weight", RESEARCH, "WEIGHT", "Set the weight of the regularizer"),
 ];

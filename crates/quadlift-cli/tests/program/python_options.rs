@@ -1,29 +1,24 @@
-//! `python/quadlift/_run_options.py`: the options of a run as Python types, from the table of the library. With
+//! `python/quadlift/_run_options.py`: the options of the tables as Python types. With
 //! QUADLIFT_UPDATE_DOCS=1 the test writes it.
 
 use std::path::Path;
 
-use quadlift::options::{Command, Kind, Spec, Value};
-use quadlift::run::{RUN, RunOptions};
+use quadlift_io::options::{ASSOCIATION, Command, Kind, RUN, Spec, Value};
+use quadlift_io::segmentation::SEGMENTATION;
 
-const HEAD: &str = r#""""The options of a run: types and kinds, written from crates/quadlift/src/run/rows.rs by the tests of the program.
+const HEAD: &str = r#""""Options: types and kinds, written from crates/quadlift-io/src/options by the tests of the program.
 
-Do not edit; after a change of the table: ``QUADLIFT_UPDATE_DOCS=1 cargo test --test program python_options``.
+Do not edit; after a change of a table: ``QUADLIFT_UPDATE_DOCS=1 cargo test --test program python_options``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Literal, TypedDict
-
-
-class RunOptions(TypedDict, total=False):
-    """Options of a run, as the program has them."""
-
 "#;
 
 /// The type of the values.
-fn type_of(row: &Spec<RunOptions>) -> String {
+fn type_of<O: Default>(row: &Spec<O>) -> String {
     let choice = |names: &[&str]| {
         let names: Vec<String> = names.iter().map(|name| format!("\"{name}\"")).collect();
         format!("Literal[{}]", names.join(", "))
@@ -41,7 +36,7 @@ fn type_of(row: &Spec<RunOptions>) -> String {
 }
 
 /// What Python checks before the library does.
-fn kind_of(row: &Spec<RunOptions>) -> &'static str {
+fn kind_of<O>(row: &Spec<O>) -> &'static str {
     match row.kind {
         Kind::Flag => "flag",
         Kind::Number(_) => "number",
@@ -53,7 +48,7 @@ fn kind_of(row: &Spec<RunOptions>) -> &'static str {
 }
 
 /// The help and the default, as a docstring.
-fn docstring(row: &Spec<RunOptions>) -> String {
+fn docstring<O: Default>(row: &Spec<O>) -> String {
     let default = match row.default() {
         Value::Unset | Value::Flag(false) => String::new(),
         Value::Flag(true) => " Default: True.".to_owned(),
@@ -75,17 +70,32 @@ fn docstring(row: &Spec<RunOptions>) -> String {
     lines.iter().map(|line| format!("    {line}\n")).collect()
 }
 
-#[test]
-fn python_has_the_options_of_the_table() {
-    let rows: Vec<_> = RUN.iter().filter(|row| row.is_of(Command::Python)).collect();
+/// A class with the options of a table, and a dictionary of their kinds.
+fn class_of<O: Default>(class: &str, doc: &str, kinds: &str, rows: &[Spec<O>]) -> String {
+    let rows: Vec<_> = rows.iter().filter(|row| row.is_of(Command::Python)).collect();
     let fields: String =
         rows.iter().map(|row| format!("    {}: {}\n{}", row.name, type_of(row), docstring(row))).collect();
-    let kinds: String = rows.iter().map(|row| format!("    \"{}\": \"{}\",\n", row.name, kind_of(row))).collect();
-    let of_objects = rows.iter().filter(|row| !row.whole_scene);
+    let entries: String = rows.iter().map(|row| format!("    \"{}\": \"{}\",\n", row.name, kind_of(row))).collect();
+    format!(
+        "\n\nclass {class}(TypedDict, total=False):\n    \"\"\"{doc}\"\"\"\n\n{fields}\n\n{kinds} = {{\n{entries}}}\n\
+         \"\"\"The kind of value of each of them.\"\"\"\n"
+    )
+}
+
+#[test]
+fn python_has_the_options_of_the_tables() {
+    let of_objects = RUN.iter().filter(|row| row.is_of(Command::Python) && !row.whole_scene);
     let of_objects: String = of_objects.map(|row| format!("        \"{}\",\n", row.name)).collect();
-    let text = format!(
-        "{HEAD}{fields}\n\nKINDS = {{\n{kinds}}}\n\"\"\"The kind of value of each option.\"\"\"\n\nOF_OBJECTS = frozenset(\n    {{\n{of_objects}    }}\n)\n\"\"\"Those that concern single objects.\"\"\"\n"
-    );
+    let text = [
+        HEAD.to_owned(),
+        class_of("RunOptions", "Options of a run, as the program has them.", "RUN_KINDS", RUN),
+        format!(
+            "\nOF_OBJECTS = frozenset(\n    {{\n{of_objects}    }}\n)\n\"\"\"Those that concern single objects.\"\"\"\n"
+        ),
+        class_of("AssociationOptions", "Options of an association.", "ASSOCIATION_KINDS", ASSOCIATION),
+        class_of("SegmentationOptions", "Options of a segmentation.", "SEGMENTATION_KINDS", SEGMENTATION),
+    ]
+    .concat();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../python/quadlift/_run_options.py");
     if std::env::var_os("QUADLIFT_UPDATE_DOCS").is_some() {
         std::fs::write(&path, &text).unwrap();

@@ -3,8 +3,8 @@
 
 use std::str::FromStr;
 
+use crate::options::{Kind, Range};
 use quadlift::diagnosis::{BoxFormat, Correction};
-use quadlift::options::{Kind, Range};
 
 use super::record_correction::RecordCorrection;
 use super::rounding::{UNITS, nearest_unit, usual_width};

@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
-use quadlift::run::{RUN, RunOptions};
+use quadlift::run::RunOptions;
 use quadlift::scene::Scene;
 use quadlift::solve::CategoryPriors;
 use serde_json::{Map, Value};
 
 use crate::coverage::CoverageRecord;
 use crate::error::ReadError;
-use crate::options::value_record;
+use crate::options::{RUN, value_record};
 use crate::priors::{builtin_priors, check_meters, parse_priors, plausible_sizes, read_priors};
 
 /// Where the priors on categories come from.

@@ -1,6 +1,7 @@
 //! Segments one scene: options, images read one at a time, calls of `quadlift-segment`, and a result or a failure for every
 //! detection. [`add_to_scene`] writes that into the scene file.
 
+mod options;
 mod result;
 
 use std::collections::{BTreeMap, HashMap};
@@ -20,6 +21,7 @@ use crate::read::detections::numbers_of_frames;
 use crate::scene_file::{MaskSource, SceneFile, SceneImages};
 use crate::video::file_of_image;
 
+pub use options::SEGMENTATION;
 pub use result::add_to_scene;
 
 /// Where masks come from.
@@ -31,9 +33,18 @@ pub enum Method {
     Masks,
 }
 
+impl Default for Method {
+    fn default() -> Self {
+        Self::Image(SegmentMethod::GraphCut)
+    }
+}
+
 impl Method {
     /// The available ones, in the order of the documentation.
     pub const ALL: [Self; 3] = [Self::Image(SegmentMethod::GraphCut), Self::Image(SegmentMethod::Sca), Self::Masks];
+
+    /// Their names on the command line and in files.
+    pub(crate) const NAMES: [&str; 3] = ["graphcut", "sca", "masks"];
 
     /// The name on the command line and in files.
     pub fn name(self) -> &'static str {
@@ -93,7 +104,7 @@ pub enum SegmentSceneError {
 }
 
 /// The choices for a segmentation.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Settings {
     /// Where masks come from.
     pub method: Method,

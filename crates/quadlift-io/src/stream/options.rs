@@ -1,12 +1,11 @@
 //! Options that a map depends on, as they stand in a state: by their names.
 
-use quadlift::online::{ONLINE, OnlineOptions};
-use quadlift::options::{Spelling, set_options};
+use quadlift::online::OnlineOptions;
 use quadlift::solve::PoseNoise;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
-use crate::options::{option_value, value_record};
+use crate::options::{MAP, Spelling, option_value, set_options, value_record};
 
 /// Where the priors of a map come from.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
@@ -29,7 +28,7 @@ pub fn lasting_options(
     source: Option<&str>,
 ) -> Map<String, Value> {
     let mut options: Map<String, Value> =
-        ONLINE.iter().map(|row| (row.name.to_owned(), value_record((row.get)(map)))).collect();
+        MAP.iter().map(|row| (row.name.to_owned(), value_record((row.get)(map)))).collect();
     let priors = priors.map(|priors| match priors {
         StoredPriors::Name(name) => json!(name),
         StoredPriors::Text { text } => json!({ "text": text }),
@@ -52,9 +51,9 @@ pub fn options_of(
         T::deserialize(value).map_err(|_| format!("the state is damaged: the option \"{name}\" is {value}"))
     }
     let value = |name| option_value(record.get(name).unwrap_or(&Value::Null)).unwrap_or_default();
-    let given: Vec<_> = ONLINE.iter().map(|row| (row.name, value(row.name))).collect();
+    let given: Vec<_> = MAP.iter().map(|row| (row.name, value(row.name))).collect();
     let mut options = OnlineOptions::default();
-    set_options(ONLINE, &given, &mut options, Spelling::Keyword)
+    set_options(MAP, &given, &mut options, Spelling::Keyword)
         .map_err(|problem| format!("the state is damaged: {problem}"))?;
     let pose_noise: Option<[f64; 2]> = read(record, "pose_noise")?;
     let noise = |[rotation_sd, translation_sd]: [f64; 2]| PoseNoise { rotation_sd, translation_sd };

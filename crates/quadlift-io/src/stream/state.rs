@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::Path;
 
+use crate::options::Spelling;
 use quadlift::online::{MapState, ObjectMap, OnlineOptions};
-use quadlift::options::Spelling;
 use quadlift::solve::{CategoryPriors, PoseNoise};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};

@@ -58,7 +58,7 @@ mod tests;
 pub use input::{Frame, ObserveError};
 pub use kept_shape::MapShape;
 pub use map::{MapObject, ObjectMap};
-pub use options::{ONLINE, OnlineOptions};
+pub use options::OnlineOptions;
 pub use poses::PoseUpdate;
 pub use relocalize::MapRelocalization;
 pub use state::{MapState, StateError};

@@ -6,7 +6,6 @@ mod input;
 mod options;
 mod pairs;
 mod check;
-mod rows;
 mod sources;
 #[cfg(test)]
 mod tests;
@@ -14,7 +13,6 @@ mod tests;
 pub use check::{Check, MAX_CORRECTIONS, diagnose_source, diagnose_unnamed};
 pub use input::Input;
 pub use options::{AssociateWhen, RunOptions};
-pub use rows::RUN;
 
 use crate::association::{AssociateError, AssociateOptions, Association, IdPolicy, Outcome, associate_observed};
 use crate::diagnosis::diagnose_association;

@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use clap::builder::RangedU64ValueParser;
-use quadlift::options::Spelling;
-use quadlift_io::options::check_needs_posterior;
+use quadlift_io::options::{Spelling, check_needs_posterior};
 use quadlift_io::run::FileOptions;
 
 use super::direct::DirectArgs;

@@ -1,11 +1,11 @@
-//! Values of options ([`quadlift::options`]) in JSON and in files.
+//! Values of options ([`super::Value`]) in JSON and in files.
 
 use std::path::Path;
 
-use quadlift::options::{Spelling, Value as OptionValue};
 use quadlift::run::RunOptions;
 use serde_json::{Value, json};
 
+use super::{Spelling, Value as OptionValue};
 use crate::error::ReadError;
 use crate::scene_file::read_scene_file;
 
@@ -40,7 +40,7 @@ pub(crate) fn option_value(json: &Value) -> Option<OptionValue> {
     })
 }
 
-/// Refuses an option that is given beside those of [`quadlift::run::RUN`] and needs the method `posterior`.
+/// Refuses an option that is given beside those of [`super::RUN`] and needs the method `posterior`.
 ///
 /// # Errors
 /// A text that names the option.

@@ -1,17 +1,13 @@
 //! The options of a run that a user can choose.
 
-use super::options::{AssociateWhen, RunOptions};
-use crate::association::IdPolicy;
-use crate::cross_validation::Extent;
-use crate::localize::MeasurementKind;
-use crate::names::UnknownName;
-use crate::options::Command::{Associate, Localize, Node, Python, Segment, Stream};
-use crate::options::{Command, Kind, Range, Spec, Value};
-use crate::solve::{Method, NoiseModel, PoseMotion, PoseNoise, PosteriorOptions};
+use quadlift::association::IdPolicy;
+use quadlift::cross_validation::Extent;
+use quadlift::run::{AssociateWhen, RunOptions};
+use quadlift::solve::{Method, NoiseModel, PoseMotion, PoseNoise, PosteriorOptions};
+use quadlift::{MeasurementKind, UnknownName};
 
-const SELECTION: &str = "Selection of detections and measurements";
-const KNOWLEDGE: &str = "Knowledge about the scene";
-const CORRECTIONS: &str = "Corrections of the scene";
+use super::Command::{Associate, Localize, Node, Python, Segment, Stream};
+use super::{Command, Group, Kind, Range, Spec, Value};
 
 const LOCALIZE: &[Command] = &[Localize, Python];
 const MAPS: &[Command] = &[Localize, Python, Stream, Node];
@@ -21,8 +17,10 @@ const OF_POSTERIOR: Option<(&str, &str)> = Some(("method", "posterior"));
 const ROW: Spec<RunOptions> = Spec {
     name: "",
     kind: Kind::Flag,
+    placeholder: "",
+    short: "",
     help: "",
-    group: "",
+    group: Group::Model,
     of: LOCALIZE,
     only: None,
     needs: None,
@@ -36,8 +34,10 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "method",
         kind: Kind::Choice(&Method::NAMES),
+        placeholder: "METHOD",
+        short: "Choose the estimator to use",
         help: "Estimator: posterior (refinement, the best), planes, lfd and pfd (closed forms), reg (the regularized one)",
-        group: "For research (the defaults are better)",
+        group: Group::Research,
         whole_scene: false,
         get: |o| o.localize.method.name().into(),
         set: |o, value| {
@@ -49,8 +49,10 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "reg_weight",
         kind: Kind::Number(Range::NotNegative),
+        placeholder: "WEIGHT",
+        short: "Set the weight of the regularizer",
         help: "Weight of the regularizer [default: 1e16]",
-        group: "For research (the defaults are better)",
+        group: Group::Research,
         only: Some(("method", "reg")),
         whole_scene: false,
         get: |o| if let Method::Reg(reg) = &o.localize.method { reg.lambda.into() } else { Value::Unset },
@@ -65,8 +67,11 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "body",
         kind: Kind::Text,
+        placeholder: "BODY",
+        short: "Choose the kind of body to fit",
         help: "Kind of body to fit: ellipsoid, cuboid, cylinder, superellipsoid:Q (Q from 1, cuboid, to 2, ellipsoid), or auto: \
                selected for each object, an ellipsoid without evidence for another kind",
+        group: Group::Model,
         of: MAPS,
         only: OF_POSTERIOR,
         whole_scene: false,
@@ -87,7 +92,10 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "source",
         kind: Kind::Text,
+        placeholder: "SOURCE",
+        short: "Use only the detections of this source",
         help: "Use only the detections of this source; required if the scene has several",
+        group: Group::Input,
         get: |o| o.localize.source.as_deref().into(),
         set: |o, value| {
             o.localize.source = value.text().map(str::to_owned);
@@ -98,10 +106,12 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "measurement",
         kind: Kind::Choice(&MeasurementKind::NAMES),
+        placeholder: "KIND",
+        short: "Choose the measurements to use",
         help: "Measurements to use: auto (what a detection has; if both, the box for position and size, the ellipse for shape), \
                box, ellipse, box+ellipse, or mask (its outline, with posterior and planes; also outlines and turned boxes). Detections \
                without the selected measurement are skipped",
-        group: SELECTION,
+        group: Group::Input,
         get: |o| o.localize.measurements.name().into(),
         set: |o, value| {
             o.localize.measurements = value.named()?;
@@ -112,7 +122,10 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "associate",
         kind: Kind::Choice(&AssociateWhen::NAMES),
+        placeholder: "auto|never|always",
+        short: "Choose when detections are associated",
         help: "Associate detections that show the same object first: auto (if any lack an id), never or always",
+        group: Group::Association,
         get: |o| o.associate.name().into(),
         set: |o, value| {
             o.associate = value.named()?;
@@ -123,8 +136,10 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "ids",
         kind: Kind::Choice(&IdPolicy::NAMES),
+        placeholder: "trust|evidence|ignore",
+        short: "Choose how far to trust existing ids",
         help: "How far to trust existing ids: trust, evidence or ignore [default: trust; evidence if all detections are associated]",
-        group: SELECTION,
+        group: Group::Association,
         get: |o| o.ids.map(IdPolicy::name).into(),
         set: |o, value| {
             o.ids = value.text().map(|_| value.named()).transpose()?;
@@ -135,8 +150,10 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "min_views",
         kind: Kind::Whole(0),
+        placeholder: "N",
+        short: "Skip objects with fewer views",
         help: "Skip objects with fewer views; planes, lfd and pfd need three",
-        group: SELECTION,
+        group: Group::Input,
         whole_scene: false,
         get: |o| o.localize.min_views.max(o.localize.method.min_views()).into(),
         set: |o, value| {
@@ -148,8 +165,10 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "max_occluded",
         kind: Kind::Number(Range::Finite),
+        placeholder: "LEVEL",
+        short: "Skip detections that are more occluded",
         help: "Skip detections that are more occluded (KITTI: 0 visible, 1 partly, 2 largely, 3 unknown)",
-        group: SELECTION,
+        group: Group::Input,
         get: |o| o.localize.max_occluded.into(),
         set: |o, value| {
             o.localize.max_occluded = value.number();
@@ -160,8 +179,10 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "max_truncated",
         kind: Kind::Number(Range::Finite),
+        placeholder: "LEVEL",
+        short: "Skip detections that are more truncated",
         help: "Skip detections that are more truncated (KITTI: 0 entirely inside the image)",
-        group: SELECTION,
+        group: Group::Input,
         get: |o| o.localize.max_truncated.into(),
         set: |o, value| {
             o.localize.max_truncated = value.number();
@@ -171,7 +192,9 @@ pub const RUN: &[Spec<RunOptions>] = &[
     },
     Spec {
         name: "learn_sizes",
+        short: "Learn the sizes of categories",
         help: "Learn the size of each category from its other objects; sizes of priors win",
+        group: Group::Model,
         only: OF_POSTERIOR,
         get: |o| of_posterior(o, |of| of.learn_sizes),
         set: |o, value| {
@@ -182,8 +205,9 @@ pub const RUN: &[Spec<RunOptions>] = &[
     },
     Spec {
         name: "upright",
+        short: "Do not detect which objects stand upright",
         help: "Detect which objects stand upright (with an axis along the scene's `up`)",
-        group: KNOWLEDGE,
+        group: Group::Model,
         of: MAPS,
         only: OF_POSTERIOR,
         get: |o| of_posterior(o, |of| of.upright),
@@ -195,8 +219,9 @@ pub const RUN: &[Spec<RunOptions>] = &[
     },
     Spec {
         name: "ground_plane",
+        short: "Place all objects on one ground plane",
         help: "All objects stand on a common ground plane, which is estimated (the scene needs `up`)",
-        group: KNOWLEDGE,
+        group: Group::Model,
         only: OF_POSTERIOR,
         get: |o| of_posterior(o, |of| of.ground_plane),
         set: |o, value| {
@@ -208,8 +233,10 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "camera_height",
         kind: Kind::Number(Range::Positive),
+        placeholder: "LENGTH",
+        short: "Set the height of cameras above the ground",
         help: "Height of the cameras above the ground plane in world units, if known, such as 1.5",
-        group: KNOWLEDGE,
+        group: Group::Model,
         only: OF_POSTERIOR,
         get: |o| of_posterior(o, |of| of.camera_height),
         set: |o, value| set_posterior(o, |of| of.camera_height = value.number()),
@@ -218,9 +245,11 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "refine_poses",
         kind: Kind::ChoiceOr("auto", &PoseMotion::NAMES),
+        placeholder: "auto|independent|slow",
+        short: "Correct the poses together with the objects",
         help: "Correct the poses together with the objects. Errors of frames are independent, or slow (GPS, drifting odometry); \
                auto decides by the boxes. Results have the corrected poses",
-        group: KNOWLEDGE,
+        group: Group::Poses,
         only: OF_POSTERIOR,
         get: |o| of_posterior(o, |of| of.refine_poses.map(PoseMotion::name)),
         set: |o, value| {
@@ -231,9 +260,10 @@ pub const RUN: &[Spec<RunOptions>] = &[
     },
     Spec {
         name: "fixed_extrinsics",
+        short: "Keep the cameras of a rig in place",
         help: "Take the places of cameras in their rig as exact: refined poses are those of the rig alone (frames with the same \
                `rig_frame` are taken by one rig)",
-        group: KNOWLEDGE,
+        group: Group::Poses,
         only: OF_POSTERIOR,
         needs: Some("refine_poses"),
         get: |o| of_posterior(o, |of| !of.refine_extrinsics),
@@ -246,8 +276,10 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "pose_noise",
         kind: Kind::Numbers(&["RAD", "LENGTH"]),
+        placeholder: "RAD,LENGTH",
+        short: "Correct poses with these standard deviations",
         help: "Correct the poses: standard deviations of the rotation (radians) and shift (world units) of each frame, such as 0.01,0.05",
-        group: KNOWLEDGE,
+        group: Group::Poses,
         of: MAPS,
         only: OF_POSTERIOR,
         get: |o| {
@@ -264,9 +296,11 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "noise_model",
         kind: Kind::Levels,
+        placeholder: "LEVELS",
+        short: "Use given noise levels",
         help: "Use given noise levels instead of estimating them, by name (edge_noise=0.03,edge_noise_px=2), or those of an earlier \
                result. Objects are then estimated independently of each other",
-        group: KNOWLEDGE,
+        group: Group::Model,
         only: OF_POSTERIOR,
         whole_scene: false,
         get: |o| of_posterior(o, |of| Value::from(of.noise_model.as_ref())),
@@ -284,9 +318,10 @@ pub const RUN: &[Spec<RunOptions>] = &[
     },
     Spec {
         name: "cross_validate",
+        short: "Predict each view from the others",
         help: "Leave out each view of each object, predict its box from the others, and report the agreement: a measure of quality \
                without ground truth. Takes several times as long; the summary always checks a sample of views",
-        group: "Quality of the result",
+        group: Group::Output,
         get: |o| match o.localize.cross_validation.extent {
             Extent::All => true.into(),
             Extent::Sample => false.into(),
@@ -305,8 +340,10 @@ pub const RUN: &[Spec<RunOptions>] = &[
     Spec {
         name: "seed",
         kind: Kind::Whole(0),
+        placeholder: "N",
+        short: "Set the seed of random numbers",
         help: "Seed of the random numbers",
-        group: "Running",
+        group: Group::Run,
         whole_scene: false,
         get: |o| Value::Whole(o.localize.seed),
         set: |o, value| {
@@ -317,8 +354,9 @@ pub const RUN: &[Spec<RunOptions>] = &[
     },
     Spec {
         name: "fix",
+        short: "Apply the corrections that the check proposes",
         help: "Apply the corrections that the consistency check proposes until the scene is consistent (3 at most)",
-        group: CORRECTIONS,
+        group: Group::Corrections,
         of: &[Localize, Associate, Segment],
         get: |o| o.fix.into(),
         set: |o, value| {
@@ -329,8 +367,9 @@ pub const RUN: &[Spec<RunOptions>] = &[
     },
     Spec {
         name: "allow_inconsistent",
+        short: "Continue with an inconsistent scene",
         help: "Continue with an inconsistent scene",
-        group: CORRECTIONS,
+        group: Group::Corrections,
         of: &[Localize, Associate, Segment, Python],
         get: |o| o.localize.allow_inconsistent.into(),
         set: |o, value| {
@@ -404,7 +443,7 @@ mod tests {
     fn every_option_has_a_row() {
         // All fields of the structs, so that a new one does not compile before it is here.
         let RunOptions { localize, associate: _, ids: _, fix: _ } = RunOptions::default();
-        let crate::LocalizeOptions {
+        let quadlift::LocalizeOptions {
             method,
             source: _,
             min_views: _,

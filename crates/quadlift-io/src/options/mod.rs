@@ -1,12 +1,23 @@
 //! The declaration of an option: one row for the program, Python, the ROS 2 node and results.
 //!
-//! A row has a name, a kind of value, a help text, and how the value is read from and written to a struct of options. Tables of
-//! rows stand beside these structs: [`crate::run::RUN`] for [`crate::run::RunOptions`].
+//! A row has a name, a kind of value, its texts, and how the value is read from and written to a struct of options. Each struct
+//! has a table of rows: [`RUN`], [`MAP`], [`ASSOCIATION`]; that of [`crate::segmentation::Settings`] stands beside it.
+
+mod run;
+mod map;
+mod association;
+mod record;
+
+pub use association::ASSOCIATION;
+pub use map::MAP;
+pub use record::{check_needs_posterior, levels_of_result};
+pub(crate) use record::{option_value, value_record};
+pub use run::RUN;
 
 use std::fmt::{Display, Formatter, Result as FmtResult};
 use std::str::FromStr;
 
-use crate::names::UnknownName;
+use quadlift::UnknownName;
 
 /// A place where options are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,7 +30,7 @@ pub enum Command {
     Segment,
     /// `quadlift stream`.
     Stream,
-    /// `quadlift.localize` and `Scene.localize` of Python.
+    /// Functions of Python with the table's options, such as `quadlift.localize`.
     Python,
     /// The ROS 2 node.
     Node,
@@ -33,10 +44,14 @@ pub struct Spec<O: 'static> {
     pub name: &'static str,
     /// The kind of value.
     pub kind: Kind,
-    /// A short text, and after an empty line what else there is to know.
+    /// What stands for the value in the help of the program; empty for a flag.
+    pub placeholder: &'static str,
+    /// The text of `-h`: three to eight words.
+    pub short: &'static str,
+    /// The whole text.
     pub help: &'static str,
-    /// The heading in the help of the program; empty for the main options.
-    pub group: &'static str,
+    /// The heading in the help of the program.
+    pub group: Group,
     /// Where the option is available.
     pub of: &'static [Command],
     /// Another option and the value that it must have.
@@ -49,6 +64,43 @@ pub struct Spec<O: 'static> {
     pub get: fn(&O) -> Value,
     /// Writes a value of the kind, or [`Value::Unset`], into the options; says what was expected.
     pub set: fn(&mut O, Value) -> Result<(), String>,
+}
+
+/// A heading in the help of the program.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Group {
+    /// What is read, and what of it is used.
+    Input,
+    /// What is assumed of objects and of the noise.
+    Model,
+    /// Which detections show the same object.
+    Association,
+    /// The poses of cameras.
+    Poses,
+    /// Corrections of the input.
+    Corrections,
+    /// What is written.
+    Output,
+    /// How a command runs.
+    Run,
+    /// What the defaults do better.
+    Research,
+}
+
+impl Group {
+    /// The heading.
+    pub const fn title(self) -> &'static str {
+        match self {
+            Self::Input => "Input",
+            Self::Model => "Model",
+            Self::Association => "Association",
+            Self::Poses => "Camera poses",
+            Self::Corrections => "Input corrections",
+            Self::Output => "Output",
+            Self::Run => "Run",
+            Self::Research => "Research",
+        }
+    }
 }
 
 /// The kind of value of an option.
@@ -81,6 +133,8 @@ pub enum Range {
     NotNegative,
     /// Above zero.
     Positive,
+    /// From zero to one.
+    Share,
 }
 
 /// The value of an option.
@@ -111,6 +165,7 @@ impl Range {
                 Self::Finite => true,
                 Self::NotNegative => x >= 0.0,
                 Self::Positive => x > 0.0,
+                Self::Share => (0.0..=1.0).contains(&x),
             }
     }
 
@@ -119,6 +174,7 @@ impl Range {
             Self::Finite => "a finite number",
             Self::NotNegative => "a finite number that is not negative",
             Self::Positive => "a number above 0",
+            Self::Share => "a number from 0 to 1",
         }
     }
 }
@@ -382,6 +438,7 @@ mod tests {
             (Kind::Number(Range::Finite), "nan", "a finite number"),
             (Kind::Number(Range::NotNegative), "-1", "not negative"),
             (Kind::Number(Range::Positive), "0", "above 0"),
+            (Kind::Number(Range::Share), "1.1", "from 0 to 1"),
             (Kind::Whole(3), "2", "at least 3"),
             (Kind::Choice(&["a", "b"]), "c", "one of a, b"),
             (Kind::Numbers(&["RAD", "LENGTH"]), "1", "2 positive numbers: RAD, LENGTH"),
