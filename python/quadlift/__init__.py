@@ -9,6 +9,7 @@ radians, quaternions have w first, and the world unit is arbitrary.
 from __future__ import annotations
 
 from ._align import Alignment, MapTransform
+from ._arrays import DetectionFields, FrameFields
 from ._calibrate_rig import CalibratedCamera, RigCalibration, calibrate_rig
 from ._core import QuadliftError, __version__
 from ._cues import Box3dSd, Boxes3d, Depths
@@ -32,11 +33,13 @@ __all__ = [
     "CalibratedCamera",
     "CameraOptions",
     "Depths",
+    "DetectionFields",
     "DetectionOptions",
     "Estimate",
     "Estimates",
     "Evaluation",
     "ExportOptions",
+    "FrameFields",
     "FrameUpdate",
     "InconsistentSceneWarning",
     "LocatedPose",

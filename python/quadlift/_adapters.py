@@ -150,7 +150,7 @@ class FromOtherPackages(SceneData):
             _checks.optional(_checks.text, "format", format),
             keywords,
             _formats.texts(options, DetectionOptions, "Scene.from_detections"),
-            _arrays.orientation(orientation),
+            _arrays.exif_orientation(orientation),
         )
         for words in lost:
             warnings.warn(words, stacklevel=2)

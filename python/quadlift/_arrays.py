@@ -21,6 +21,59 @@ Runs = tuple[list[int], list[int]]
 """Height and width of a mask, and COCO's runs (down the columns, starting outside the object)."""
 
 
+# Arguments of `localize`, `Scene.from_arrays` and `Scene.with_detections`.
+
+
+class FrameFields(TypedDict, total=False):
+    """F frames, beside `intrinsics` and `cam_from_world`."""
+
+    projections: ArrayLike | None
+    """World to pixels, in the place of `intrinsics` and `cam_from_world`, shape (F, 3, 4)."""
+    image_sizes: ArrayLike | None
+    """Width and height in pixels, shape (2,) or (F, 2). Without them box edges at the image border are not treated as
+    cut off."""
+    frame_ids: Sequence[str] | None
+    """Names of the frames, length F; "0", "1", ... without it."""
+    images: Sequence[str] | None
+    """Paths of the images, length F, for `segment` and for reports."""
+    name: str | None
+    """Name of the scene."""
+    up: ArrayLike | None
+    """World direction against gravity: an axis such as ``"-y"``, or a direction, shape (3,)."""
+    length_unit: str | None
+    """World unit; ``"m"`` is required for ``priors="builtin"``."""
+
+
+class DetectionFields(TypedDict, total=False):
+    """M detections, beside `boxes`, `frames` and `objects`."""
+
+    ellipses: ArrayLike | None
+    """Center x and y, two semi-axes, and the angle of the first (radians, from x towards y), shape (M, 5); pixels. A
+    row of NaN means none. Each detection needs a box, an ellipse, an outline or an oriented box."""
+    masks: Sequence[Any] | None
+    """Arrays (H, W) or None, length M: non-zero pixels are the object; for ``measurement="mask"``."""
+    outlines: Sequence[ArrayLike | None] | None
+    """Corners of the outlines (K, 2) in pixels, polygons, or None; length M. A detection without a box has the box
+    around its outline."""
+    oriented_boxes: ArrayLike | None
+    """Center x and y, width, height, and the angle of the width (radians, from x towards y), shape (M, 5); pixels. A
+    row of NaN means none. With an outline it is not used."""
+    scores: ArrayLike | None
+    """Scores of the detector, shape (M,); NaN means none."""
+    categories: ArrayLike | None
+    """Categories, by number or name, shape (M,); unknown values as for objects."""
+    depths: _cues.Depths | ArrayLike | None
+    """Median depth of the visible surface along the optical axis, world units, shape (M,); NaN means none. As a mapping
+    with `median`, and `sd` and `source` if known."""
+    boxes3d: _cues.Boxes3d | None
+    """3D boxes from single images: a mapping with any of `center`, `half_extents` and `rotation`, and `frame`, `sd`,
+    `covariance`, `source`. With a center a detection needs neither a box nor an ellipse."""
+    orientation: int | str | None
+    """EXIF orientation of the pictures that the detector saw, 1 to 8, if the cameras are those of the pictures as
+    stored: 6 for a phone held upright. ``"6-fractions"`` if the boxes were fractions of the turned pictures, multiplied
+    by width and height of the cameras' images."""
+
+
 # Inputs of the core, as read by `crates/quadlift-py`; missing keys mean none.
 
 
@@ -125,17 +178,20 @@ class RigArrays(TypedDict):
 # From arguments
 
 
-def frames(
-    *,
-    projections: ArrayLike | None,
+# The names of functions are those in messages about unknown arguments.
+
+
+def from_arrays(
     intrinsics: ArrayLike | None,
     cam_from_world: ArrayLike | None,
-    image_sizes: ArrayLike | None,
-    frame_ids: Sequence[str] | None,
-    images: Sequence[str] | None,
-    name: str | None,
-    up: ArrayLike | None,
-    length_unit: str | None,
+    *,
+    projections: ArrayLike | None = None,
+    image_sizes: ArrayLike | None = None,
+    frame_ids: Sequence[str] | None = None,
+    images: Sequence[str] | None = None,
+    name: str | None = None,
+    up: ArrayLike | None = None,
+    length_unit: str | None = None,
 ) -> FrameArrays:
     """Frames of the arguments of `Scene.from_arrays`."""
     like, count, matrices = _matrices(projections, intrinsics, cam_from_world)
@@ -338,22 +394,23 @@ def map_poses(
     return None, matrices
 
 
-def detections(
-    *,
-    frames: ArrayLike | None,
+def with_detections(
     boxes: ArrayLike | None,
-    ellipses: ArrayLike | None,
-    masks: Sequence[Any] | None,
-    outlines: Sequence[Any] | None,
-    oriented_boxes: ArrayLike | None,
+    frames: ArrayLike | None,
     objects: ArrayLike | None,
-    scores: ArrayLike | None,
-    categories: ArrayLike | None,
-    depths: _cues.Depths | ArrayLike | None,
-    boxes3d: _cues.Boxes3d | None,
-    source: str | None,
-) -> DetectionArrays:
-    """Detections of the arguments of `Scene.with_detections`."""
+    *,
+    source: str | None = None,
+    ellipses: ArrayLike | None = None,
+    masks: Sequence[Any] | None = None,
+    outlines: Sequence[Any] | None = None,
+    oriented_boxes: ArrayLike | None = None,
+    scores: ArrayLike | None = None,
+    categories: ArrayLike | None = None,
+    depths: _cues.Depths | ArrayLike | None = None,
+    boxes3d: _cues.Boxes3d | None = None,
+    orientation: int | str | None = None,
+) -> tuple[DetectionArrays, str | None]:
+    """Detections of the arguments of `Scene.with_detections`, and the orientation as the program takes it."""
     if frames is None:
         raise QuadliftError("expected frames, the index of the frame of each detection, of the shape (M,); found None")
     indices = _checks.indices("frames", frames)
@@ -368,7 +425,7 @@ def detections(
         _checks.rows(name, numbers, "frames", count)
         return numbers
 
-    return {
+    arrays: DetectionArrays = {
         "frames": indices,
         "boxes": rows("boxes", boxes, 4),
         "ellipses": rows("ellipses", ellipses, 5),
@@ -380,9 +437,10 @@ def detections(
         "outlines": _outlines.outlines(outlines, oriented_boxes, count, "frames"),
         "cues": _cues.cues(depths, boxes3d, count, "frames"),
     }
+    return arrays, exif_orientation(orientation)
 
 
-def orientation(value: Any) -> str | None:
+def exif_orientation(value: Any) -> str | None:
     """An EXIF orientation as the program takes it; None for pictures that are not turned."""
     if value is None or isinstance(value, str):
         return value

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from . import _options
+from ._arrays import DetectionFields, FrameFields
 from ._scene import Estimates, Scene
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import ArrayLike
     from typing_extensions import Unpack
 
-    from ._cues import Boxes3d, Depths
+
+class LocalizeArguments(FrameFields, DetectionFields, _options.Options, total=False):
+    """Arguments of `localize`."""
 
 
 def localize(
@@ -24,21 +25,7 @@ def localize(
     boxes: ArrayLike | None = None,
     frames: ArrayLike | None = None,
     objects: ArrayLike | None = None,
-    *,
-    projections: ArrayLike | None = None,
-    image_sizes: ArrayLike | None = None,
-    ellipses: ArrayLike | None = None,
-    masks: Sequence[Any] | None = None,
-    outlines: Sequence[ArrayLike | None] | None = None,
-    oriented_boxes: ArrayLike | None = None,
-    scores: ArrayLike | None = None,
-    categories: ArrayLike | None = None,
-    depths: Depths | ArrayLike | None = None,
-    boxes3d: Boxes3d | None = None,
-    orientation: int | str | None = None,
-    up: ArrayLike | None = None,
-    length_unit: str | None = None,
-    **options: Unpack[_options.Options],
+    **arguments: Unpack[LocalizeArguments],
 ) -> Estimates:
     """Localizes all objects of M detections in F posed images.
 
@@ -55,40 +42,11 @@ def localize(
     objects : array_like of int or str, shape (M,), optional
         The objects of the detections; negative numbers, None and "" mean unknown. If any is unknown, or without this
         argument, the detections are associated first.
-    projections : array_like, shape (F, 3, 4)
-        World to pixels, in the place of `intrinsics` and `cam_from_world`.
-    image_sizes : array_like, shape (2,) or (F, 2), optional
-        Width and height in pixels. Without them box edges at the image border are not treated as cut off.
-    ellipses : array_like, shape (M, 5), optional
-        Center x and y, two semi-axes, and the angle of the first (radians, from x towards y); pixels. A row of NaN
-        means none. Each detection needs a box, an ellipse, an outline or a turned box.
-    masks : sequence of (H, W) arrays or None, length M, optional
-        Non-zero pixels are the object; for ``measurement="mask"``.
-    outlines : sequence of (K, 2) array_like or None, length M, optional
-        Corners of the outlines in pixels, polygons. A detection without a box has the box around its outline.
-    oriented_boxes : array_like, shape (M, 5), optional
-        Turned boxes: center x and y, width, height, and the angle of the width (radians, from x towards y); pixels. A
-        row of NaN means none. With an outline it is not used.
-    scores : array_like, shape (M,), optional
-        Scores of the detector; NaN means none.
-    categories : array_like of int or str, shape (M,), optional
-        Categories, by number or name; unknown values as for objects.
-    depths : Depths or array_like, shape (M,), optional
-        Median depth of the visible surface along the optical axis, world units; NaN means none. As a mapping with
-        `median`, and `sd` and `source` if known.
-    boxes3d : Boxes3d, optional
-        3D boxes from single images: a mapping with any of `center`, `half_extents` and `rotation`, and `frame`, `sd`,
-        `covariance`, `source`. With a center a detection needs neither a box nor an ellipse.
-    orientation : int or str, optional
-        EXIF orientation of the pictures that the detector saw, 1 to 8, if the cameras are those of the pictures as
-        stored: 6 for a phone held upright. ``"6-fractions"`` if the boxes were fractions of the turned pictures,
-        multiplied by width and height of the cameras' images.
-    up : str or array_like, shape (3,), optional
-        World direction against gravity: an axis such as ``"-y"``, or a direction.
-    length_unit : str, optional
-        World unit; ``"m"`` is required for ``priors="builtin"``.
-    **options : Options
-        The options of the program with its defaults; `quadlift.Options` lists them.
+    **arguments : LocalizeArguments
+        Frames, see `quadlift.FrameFields`: ``projections``, ``image_sizes``, ``frame_ids``, ``images``, ``name``,
+        ``up``, ``length_unit``. Detections, see `quadlift.DetectionFields`: ``ellipses``, ``masks``, ``outlines``,
+        ``oriented_boxes``, ``scores``, ``categories``, ``depths``, ``boxes3d``, ``orientation``. The options of the
+        program with its defaults, see `quadlift.Options`.
 
     Returns
     -------
@@ -110,28 +68,14 @@ def localize(
     -----
     Releases the GIL; Ctrl-C works.
     """
-    keywords, threads, progress = _options.split(options, "localize")
-    scene = Scene.from_arrays(
-        projections=projections,
-        intrinsics=intrinsics,
-        cam_from_world=cam_from_world,
-        image_sizes=image_sizes,
-        up=up,
-        length_unit=length_unit,
-    ).with_detections(
-        frames=frames,
-        boxes=boxes,
-        ellipses=ellipses,
-        masks=masks,
-        outlines=outlines,
-        oriented_boxes=oriented_boxes,
-        objects=objects,
-        scores=scores,
-        categories=categories,
-        depths=depths,
-        boxes3d=boxes3d,
-        orientation=orientation,
+    given = cast("dict[str, Any]", arguments)
+    of_frames, of_detections = (
+        {name: given.pop(name) for name in fields.__annotations__ if name in given}
+        for fields in (FrameFields, DetectionFields)
     )
+    keywords, threads, progress = _options.split(cast("_options.Options", given), "localize")
+    scene = Scene.from_arrays(intrinsics, cam_from_world, **of_frames)
+    scene = scene.with_detections(boxes, frames, objects, **of_detections)
     localized = scene._core.localize(keywords, threads, progress)
     ids = "found"
     if objects is not None and not localized.associated:

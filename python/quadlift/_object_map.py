@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _arrays, _checks, _core, _found, _options, _relocalize, _rerun
+from . import _arrays, _checks, _core, _found, _options, _rerun
 from ._core import QuadliftError
 from ._estimates import InconsistentSceneWarning
-from ._relocalize import Location
+from ._relocalize import Location, Relocalizes
 from ._scene import Estimates, Scene
 from ._scene_data import frame_id as frame_id_of
 
@@ -187,7 +187,7 @@ class MapObjects:
         return pd.DataFrame(columns)
 
 
-class ObjectMap:
+class ObjectMap(Relocalizes):
     """A map of objects that is updated frame by frame, like that of ``quadlift stream``.
 
     Each frame has a pose and the detections of an image; object ids are not needed. The map answers which detection
@@ -368,59 +368,7 @@ class ObjectMap:
             raise QuadliftError(f'frame "{frame_id}": {error}') from error
         return self._changed(self._core.observe(frame, arrays))
 
-    def relocalize(
-        self,
-        boxes: ArrayLike,
-        intrinsics: ArrayLike,
-        *,
-        categories: ArrayLike | None = None,
-        image_size: tuple[float, float] | None = None,
-        edge_noise: float | None = None,
-        up: ArrayLike | None = None,
-        up_in_camera: ArrayLike | None = None,
-        up_sd_deg: float = 1.0,
-        height: tuple[float, float] | None = None,
-    ) -> Location:
-        """The camera of an image, from its boxes and the confirmed objects. The map is not changed.
-
-        Appearance and ids are not used: objects are told apart by category, size and place.
-
-        Parameters
-        ----------
-        boxes : array_like, shape (M, 4)
-            ``[x0, y0, x1, y1]`` in pixels without lens distortion.
-        intrinsics : array_like, shape (3, 3)
-            The camera.
-        categories : array_like of str or int, shape (M,), optional
-            A box shows only objects of its category; without one any object.
-        image_size : tuple, optional
-            Width and height in pixels: edges at the border may be cut off there.
-        edge_noise : float, optional
-            Standard deviation of the edges of boxes, relative to their half size. That of the map by default.
-        up : str or array_like, shape (3,), optional
-            The direction against gravity in the world, for `up_in_camera` and `height`.
-        up_in_camera : array_like, shape (3,), optional
-            The same in the axes of the camera, where a sensor tells it: two boxes are then enough.
-        up_sd_deg : float
-            Its standard deviation, degrees.
-        height : tuple, optional
-            Height of the camera along `up`, from the origin of the world, and its standard deviation, world units.
-
-        Returns
-        -------
-        Location
-        """
-        query = _relocalize.query(
-            boxes,
-            intrinsics,
-            categories=categories,
-            image_size=image_size,
-            edge_noise=edge_noise,
-            up=up,
-            up_in_camera=up_in_camera,
-            up_sd_deg=up_sd_deg,
-            height=height,
-        )
+    def _relocalized(self, query: _arrays.LocateQuery) -> Location:
         found, ids = self._core.relocalize(query)
         return Location._of(found, lambda row: ids[row])
 

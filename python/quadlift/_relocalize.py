@@ -15,7 +15,7 @@ from ._core import QuadliftError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from . import _arrays
+    from ._arrays import LocateQuery
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,37 +91,74 @@ class Location:
         return cls(found["status"], [pose(one) for one in found["poses"]])
 
 
-def query(
-    boxes: ArrayLike,
-    intrinsics: ArrayLike,
-    *,
-    categories: ArrayLike | None,
-    image_size: tuple[float, float] | None,
-    edge_noise: float | None,
-    up: ArrayLike | None,
-    up_in_camera: ArrayLike | None,
-    up_sd_deg: float,
-    height: tuple[float, float] | None,
-) -> _arrays.LocateQuery:
-    """The checked arguments."""
-    found = _checks.array("boxes", boxes, ("M", 4))
-    k = _checks.array("intrinsics", intrinsics, (3, 3))
-    if not np.array_equal(k, [[k[0, 0], 0, k[0, 2]], [0, k[1, 1], k[1, 2]], [0, 0, 1]]):
-        raise QuadliftError("intrinsics: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]")
-    size = None if image_size is None else _checks.array("image_size", image_size, (2,)).tolist()
-    if size is not None and min(size) <= 0:
-        raise QuadliftError(f"image_size is {image_size!r}; expected width and height above 0")
-    return {
-        "boxes": found,
-        "categories": _checks.names("categories", categories, len(found), "boxes"),
-        "intrinsics": [k[0, 0], k[1, 1], k[0, 2], k[1, 2]],
-        "image_size": size,
-        "edge_noise": None if edge_noise is None else _positive("edge_noise", edge_noise),
-        "up": _checks.optional(_checks.direction, "up", up),
-        "up_in_camera": _checks.optional(_checks.direction, "up_in_camera", up_in_camera),
-        "up_sd": math.radians(_positive("up_sd_deg", up_sd_deg)),
-        "height": _height(height),
-    }
+class Relocalizes:
+    """Objects by which cameras are located: `Estimates` and `ObjectMap`."""
+
+    def _relocalized(self, query: LocateQuery) -> Location:
+        raise NotImplementedError
+
+    def relocalize(
+        self,
+        boxes: ArrayLike,
+        intrinsics: ArrayLike,
+        *,
+        categories: ArrayLike | None = None,
+        image_size: tuple[float, float] | None = None,
+        edge_noise: float | None = None,
+        up: ArrayLike | None = None,
+        up_in_camera: ArrayLike | None = None,
+        up_sd_deg: float = 1.0,
+        height: tuple[float, float] | None = None,
+    ) -> Location:
+        """The camera of an image, from its boxes and these objects, like `quadlift relocalize`.
+
+        Appearance and ids are not used: objects are told apart by category, size and place. An `ObjectMap` has
+        its confirmed objects, and is not changed.
+
+        Parameters
+        ----------
+        boxes : array_like, shape (M, 4)
+            ``[x0, y0, x1, y1]`` in pixels without lens distortion.
+        intrinsics : array_like, shape (3, 3)
+            The camera.
+        categories : array_like of str or int, shape (M,), optional
+            A box shows only objects of its category; without one any object.
+        image_size : tuple, optional
+            Width and height in pixels: edges at the border may be cut off there.
+        edge_noise : float, optional
+            Standard deviation of the edges of boxes, relative to their half size. That of the map by default.
+        up : str or array_like, shape (3,), optional
+            The direction against gravity in the world, for `up_in_camera` and `height`.
+        up_in_camera : array_like, shape (3,), optional
+            The same in the axes of the camera, where a sensor tells it: two boxes are then enough.
+        up_sd_deg : float
+            Its standard deviation, degrees.
+        height : tuple, optional
+            Height of the camera along `up`, from the origin of the world, and its standard deviation, world units.
+
+        Returns
+        -------
+        Location
+        """
+        found = _checks.array("boxes", boxes, ("M", 4))
+        k = _checks.array("intrinsics", intrinsics, (3, 3))
+        if not np.array_equal(k, [[k[0, 0], 0, k[0, 2]], [0, k[1, 1], k[1, 2]], [0, 0, 1]]):
+            raise QuadliftError("intrinsics: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]")
+        size = None if image_size is None else _checks.array("image_size", image_size, (2,)).tolist()
+        if size is not None and min(size) <= 0:
+            raise QuadliftError(f"image_size is {image_size!r}; expected width and height above 0")
+        query: LocateQuery = {
+            "boxes": found,
+            "categories": _checks.names("categories", categories, len(found), "boxes"),
+            "intrinsics": [k[0, 0], k[1, 1], k[0, 2], k[1, 2]],
+            "image_size": size,
+            "edge_noise": None if edge_noise is None else _positive("edge_noise", edge_noise),
+            "up": _checks.optional(_checks.direction, "up", up),
+            "up_in_camera": _checks.optional(_checks.direction, "up_in_camera", up_in_camera),
+            "up_sd": math.radians(_positive("up_sd_deg", up_sd_deg)),
+            "height": _height(height),
+        }
+        return self._relocalized(query)
 
 
 def _positive(name: str, value: Any) -> float:

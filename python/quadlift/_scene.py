@@ -10,18 +10,19 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from . import _checks, _core, _estimates, _fiftyone, _notebook, _options, _relocalize, _rerun
+from . import _checks, _core, _estimates, _fiftyone, _notebook, _options, _rerun
 from ._adapters import FromOtherPackages
 from ._align import Alignment
 from ._estimates import EstimateArrays
 from ._formats import ExportOptions
-from ._relocalize import Location
+from ._relocalize import Location, Relocalizes
 from ._scene_data import frame_id
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from typing_extensions import Unpack
 
+    from ._arrays import LocateQuery
     from ._checks import Path
 
 
@@ -224,7 +225,7 @@ class Scene(FromOtherPackages):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Estimates(EstimateArrays):
+class Estimates(EstimateArrays, Relocalizes):
     """Estimates of N objects from M detections.
 
     Arrays with a row for each object; also a sequence of `Estimate`: ``estimates[0]``, ``estimates[-3:]``, or by the id
@@ -338,59 +339,7 @@ class Estimates(EstimateArrays):
         Run time of the library, without the conversion of arrays.
     """
 
-    def relocalize(
-        self,
-        boxes: ArrayLike,
-        intrinsics: ArrayLike,
-        *,
-        categories: ArrayLike | None = None,
-        image_size: tuple[float, float] | None = None,
-        edge_noise: float | None = None,
-        up: ArrayLike | None = None,
-        up_in_camera: ArrayLike | None = None,
-        up_sd_deg: float = 1.0,
-        height: tuple[float, float] | None = None,
-    ) -> Location:
-        """The camera of an image, from its boxes and these objects as a map, like `quadlift relocalize`.
-
-        Appearance and ids are not used: objects are told apart by category, size and place.
-
-        Parameters
-        ----------
-        boxes : array_like, shape (M, 4)
-            ``[x0, y0, x1, y1]`` in pixels without lens distortion.
-        intrinsics : array_like, shape (3, 3)
-            The camera.
-        categories : array_like of str or int, shape (M,), optional
-            A box shows only objects of its category; without one any object.
-        image_size : tuple, optional
-            Width and height in pixels: edges at the border may be cut off there.
-        edge_noise : float, optional
-            Standard deviation of the edges of boxes, relative to their half size. That of the map by default.
-        up : str or array_like, shape (3,), optional
-            The direction against gravity in the world, for `up_in_camera` and `height`.
-        up_in_camera : array_like, shape (3,), optional
-            The same in the axes of the camera, where a sensor tells it: two boxes are then enough.
-        up_sd_deg : float
-            Its standard deviation, degrees.
-        height : tuple, optional
-            Height of the camera along `up`, from the origin of the world, and its standard deviation, world units.
-
-        Returns
-        -------
-        Location
-        """
-        query = _relocalize.query(
-            boxes,
-            intrinsics,
-            categories=categories,
-            image_size=image_size,
-            edge_noise=edge_noise,
-            up=up,
-            up_in_camera=up_in_camera,
-            up_sd_deg=up_sd_deg,
-            height=height,
-        )
+    def _relocalized(self, query: LocateQuery) -> Location:
         found, ids = self._localized.relocalize(query)
         of_text = {str(object_id): object_id for object_id in self.object_ids}
         return Location._of(found, lambda row: of_text[ids[row]])

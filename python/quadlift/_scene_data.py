@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import _arrays, _checks, _core, _formats, _notebook, _rerun
+from ._arrays import DetectionFields, FrameFields
 from ._core import QuadliftError
 from ._formats import ExportOptions
 
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from typing_extensions import Self, Unpack
 
     from ._checks import Path
-    from ._cues import Boxes3d, Depths
 
 
 class SceneData:
@@ -82,14 +82,7 @@ class SceneData:
         cls,
         intrinsics: ArrayLike | None = None,
         cam_from_world: ArrayLike | None = None,
-        *,
-        projections: ArrayLike | None = None,
-        image_sizes: ArrayLike | None = None,
-        frame_ids: Sequence[str] | None = None,
-        images: Sequence[str] | None = None,
-        name: str | None = None,
-        up: ArrayLike | None = None,
-        length_unit: str | None = None,
+        **fields: Unpack[FrameFields],
     ) -> Self:
         """Posed frames; `with_detections` adds detections.
 
@@ -99,33 +92,11 @@ class SceneData:
             Pinhole cameras in pixels, one for all frames or one for each.
         cam_from_world : array_like, shape (F, 3, 4) or (F, 4, 4)
             Poses, world to camera, OpenCV's axes.
-        projections : array_like, shape (F, 3, 4)
-            World to pixels, in the place of `intrinsics` and `cam_from_world`.
-        image_sizes : array_like, shape (2,) or (F, 2), optional
-            Width and height in pixels.
-        frame_ids : sequence of str, length F, optional
-            Names of the frames; "0", "1", ... without it.
-        images : sequence of str, length F, optional
-            Paths of the images, for `segment` and for reports.
-        name : str, optional
-            Name of the scene.
-        up : str or array_like, shape (3,), optional
-            World direction against gravity: an axis such as ``"-y"``, or a direction.
-        length_unit : str, optional
-            World unit, such as "m".
+        **fields : FrameFields
+            ``projections``, ``image_sizes``, ``frame_ids``, ``images``, ``name``, ``up``, ``length_unit``:
+            `quadlift.FrameFields` describes them.
         """
-        frames = _arrays.frames(
-            projections=projections,
-            intrinsics=intrinsics,
-            cam_from_world=cam_from_world,
-            image_sizes=image_sizes,
-            frame_ids=frame_ids,
-            images=images,
-            name=name,
-            up=up,
-            length_unit=length_unit,
-        )
-        return cls(_core.Scene.from_frames(frames))
+        return cls(_core.Scene.from_frames(_arrays.from_arrays(intrinsics, cam_from_world, **fields)))
 
     def with_detections(
         self,
@@ -133,16 +104,8 @@ class SceneData:
         frames: ArrayLike | None = None,
         objects: ArrayLike | None = None,
         *,
-        ellipses: ArrayLike | None = None,
-        masks: Sequence[Any] | None = None,
-        outlines: Sequence[ArrayLike | None] | None = None,
-        oriented_boxes: ArrayLike | None = None,
-        scores: ArrayLike | None = None,
-        categories: ArrayLike | None = None,
-        depths: Depths | ArrayLike | None = None,
-        boxes3d: Boxes3d | None = None,
-        orientation: int | str | None = None,
         source: str | None = None,
+        **fields: Unpack[DetectionFields],
     ) -> Self:
         """Returns the scene with M more detections.
 
@@ -154,48 +117,14 @@ class SceneData:
             Indices of the frames, 0 to F - 1.
         objects : array_like of int or str, shape (M,), optional
             The objects; negative numbers, None and "" mean unknown. A source detects each at most once per frame.
-        ellipses : array_like, shape (M, 5), optional
-            Center x and y, two semi-axes, and the angle of the first (radians, from x towards y); pixels. A row of NaN
-            means none. Each detection needs a box, an ellipse, an outline or a turned box.
-        masks : sequence of (H, W) arrays or None, length M, optional
-            Non-zero pixels are the object.
-        outlines : sequence of (K, 2) array_like or None, length M, optional
-            Corners of the outlines in pixels, polygons. A detection without a box has the box around its outline.
-        oriented_boxes : array_like, shape (M, 5), optional
-            Turned boxes: center x and y, width, height, and the angle of the width (radians, from x towards y); pixels.
-            A row of NaN means none. With an outline it is not used.
-        scores : array_like, shape (M,), optional
-            Scores; NaN means none.
-        categories : array_like of int or str, shape (M,), optional
-            Categories, by number or name; unknown values as for objects.
-        depths : Depths or array_like, shape (M,), optional
-            Median depth of the visible surface along the optical axis, world units; NaN means none. As a mapping with
-            `median`, and `sd` and `source` if known.
-        boxes3d : Boxes3d, optional
-            3D boxes from single images: a mapping with any of `center`, `half_extents` and `rotation`, and `frame`,
-            `sd`, `covariance`, `source`. With a center a detection needs neither a box nor an ellipse.
-        orientation : int or str, optional
-            EXIF orientation of the pictures that the detector saw, 1 to 8, if the cameras are those of the pictures as
-            stored: 6 for a phone held upright. ``"6-fractions"`` if the boxes were fractions of the turned pictures,
-            multiplied by width and height of the cameras' images.
         source : str, optional
             Name of the detector.
+        **fields : DetectionFields
+            ``ellipses``, ``masks``, ``outlines``, ``oriented_boxes``, ``scores``, ``categories``, ``depths``,
+            ``boxes3d``, ``orientation``: `quadlift.DetectionFields` describes them.
         """
-        detections = _arrays.detections(
-            frames=frames,
-            boxes=boxes,
-            ellipses=ellipses,
-            masks=masks,
-            outlines=outlines,
-            oriented_boxes=oriented_boxes,
-            objects=objects,
-            scores=scores,
-            categories=categories,
-            depths=depths,
-            boxes3d=boxes3d,
-            source=source,
-        )
-        return type(self)(self._core.with_detections(detections, _arrays.orientation(orientation)))
+        arrays = _arrays.with_detections(boxes, frames, objects, source=source, **fields)
+        return type(self)(self._core.with_detections(*arrays))
 
     def to_arrow(self) -> tuple[pyarrow.Table, pyarrow.Table]:
         """Detections and frames as tables, as `quadlift.tables` takes them; needs pyarrow.
