@@ -18,7 +18,7 @@ from ._formats import CameraOptions, DetectionOptions, ExportOptions
 from ._limits import set_max_pixels
 from ._localize import localize
 from ._object_map import FrameUpdate, MapObject, MapObjects, ObjectMap
-from ._options import AssociateOptions, Options, Prior, SegmentOptions
+from ._options import AssociateOptions, ObjectMapOptions, Options, Prior, SegmentOptions
 from ._relocalize import LocatedPose, Location
 from ._rerun import log_recording
 from ._scene import Estimates, Scene
@@ -48,6 +48,7 @@ __all__ = [
     "MapObjects",
     "MapTransform",
     "ObjectMap",
+    "ObjectMapOptions",
     "Options",
     "Prior",
     "QuadliftError",

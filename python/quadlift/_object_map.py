@@ -198,28 +198,9 @@ class ObjectMap(Relocalizes):
 
     Parameters
     ----------
-    name : str, optional
-        Name of the scene.
-    up : str or array_like, shape (3,), optional
-        World direction against gravity: an axis such as ``"-y"``, or a direction.
-    length_unit : str, optional
-        World unit; ``"m"`` is required for ``priors="builtin"``.
-    ids : {"evidence", "trust", "ignore"}
-        How far to trust the ids of detections (of a tracker).
-    min_views : int
-        Views that an object needs to be confirmed.
-    min_score : float, optional
-        Skip detections with a lower score.
-    edge_noise_px : float, optional
-        Size-independent error of box edges, pixels. By default 2, 4 or 8, selected as the evidence grows.
-    priors : str, path-like or mapping, optional
-        Sizes of categories: "builtin" (for scenes in meters), a TOML file, or a mapping, as in `localize`.
-    max_views : int
-        Maximum number of views that an object keeps; the least informative ones are forgotten.
-    max_objects : int
-        Maximum number of objects.
-    pose_noise : (float, float), optional
-        The poses may be wrong: standard deviations of the rotation (radians) and shift (world units) of each frame.
+    **options : ObjectMapOptions
+        ``name``, ``up``, ``length_unit``, ``ids``, ``min_views``, ``min_score``, ``edge_noise_px``, ``priors``,
+        ``max_views``, ``max_objects``, ``pose_noise``: `quadlift.ObjectMapOptions` describes them.
 
     Raises
     ------
@@ -227,35 +208,8 @@ class ObjectMap(Relocalizes):
         Names the argument, what was found and what was expected.
     """
 
-    def __init__(
-        self,
-        *,
-        name: str | None = None,
-        up: ArrayLike | None = None,
-        length_unit: str | None = None,
-        ids: _options.Ids = "evidence",
-        min_views: int = 3,
-        min_score: float | None = None,
-        edge_noise_px: float | None = None,
-        priors: Path | Mapping[str, _options.Prior] | None = None,
-        max_views: int = 32,
-        max_objects: int = 100_000,
-        pose_noise: tuple[float, float] | None = None,
-    ) -> None:
-        keywords = _options.of_map(
-            name=name,
-            up=up,
-            length_unit=length_unit,
-            ids=ids,
-            min_views=min_views,
-            min_score=min_score,
-            edge_noise_px=edge_noise_px,
-            priors=priors,
-            max_views=max_views,
-            max_objects=max_objects,
-            pose_noise=pose_noise,
-        )
-        self._set_core(_core.ObjectMap(keywords))
+    def __init__(self, **options: Unpack[_options.ObjectMapOptions]) -> None:
+        self._set_core(_core.ObjectMap(_options.of_map(options)))
 
     def _set_core(self, core: _core.ObjectMap) -> None:
         self._core = core

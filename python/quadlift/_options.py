@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TypedDict, cast
+from typing import TYPE_CHECKING, Any, Protocol, TypedDict, cast
 
 import numpy as np
 
@@ -14,9 +14,11 @@ from ._checks import Path
 from ._core import QuadliftError
 from ._run_options import (
     ASSOCIATION_KINDS,
+    MAP_KINDS,
     RUN_KINDS,
     SEGMENTATION_KINDS,
     AssociationOptions,
+    MapOptions,
     RunOptions,
     SegmentationOptions,
 )
@@ -25,7 +27,6 @@ if TYPE_CHECKING:
     from ._scene_data import SceneData
 
 Progress = Callable[[int, int], object]
-Ids = Literal["trust", "evidence", "ignore"]
 
 
 class Result(Protocol):
@@ -73,6 +74,21 @@ class AssociateOptions(AssociationOptions, Running, total=False):
 
     priors: Path | Mapping[str, Prior] | None
     """Sizes of categories: "builtin" (for scenes in meters), a TOML file or a mapping, as in `localize`."""
+
+
+class ObjectMapOptions(MapOptions, total=False):
+    """Options of an `ObjectMap`; the defaults are those of the program."""
+
+    name: str | None
+    """Name of the scene."""
+    up: Any
+    """World direction against gravity: an axis such as ``"-y"``, or a direction, shape (3,)."""
+    length_unit: str | None
+    """World unit; ``"m"`` is required for ``priors="builtin"``."""
+    priors: Path | Mapping[str, Prior] | None
+    """Sizes of categories: "builtin" (for scenes in meters), a TOML file, or a mapping, as in `localize`."""
+    pose_noise: tuple[float, float] | None
+    """The poses may be wrong: standard deviations of the rotation (radians) and shift (world units) of each frame."""
 
 
 class SegmentOptions(SegmentationOptions, Running, total=False):
@@ -141,35 +157,19 @@ def split_of_association(options: AssociateOptions) -> tuple[dict[str, Any], int
     return {"chosen": chosen, "priors": priors, "priors_text": text}, threads, progress
 
 
-def of_map(
-    *,
-    name: str | None,
-    up: Any,
-    length_unit: str | None,
-    ids: str,
-    min_views: int,
-    min_score: float | None,
-    edge_noise_px: float | None,
-    priors: Path | Mapping[str, Prior] | None,
-    max_views: int,
-    max_objects: int,
-    pose_noise: tuple[float, float] | None,
-) -> dict[str, Any]:
+def of_map(options: ObjectMapOptions) -> dict[str, Any]:
     """The core's keywords of an object map."""
-    path, text = _priors(priors)
+    given: dict[str, Any] = dict(options)
+    path, text = _priors(given.pop("priors", None))
+    pose_noise = given.pop("pose_noise", None)
     return {
-        "name": _checks.optional(_checks.text, "name", name),
-        "up": _checks.optional(_checks.direction, "up", up),
-        "length_unit": _checks.optional(_checks.text, "length_unit", length_unit),
-        "ids": _checks.text("ids", ids),
-        "min_views": _checks.whole("min_views", min_views, 2, 2**32),
-        "min_score": _checks.optional(_checks.number, "min_score", min_score),
-        "edge_noise_px": _checks.optional(_checks.number, "edge_noise_px", edge_noise_px),
+        "name": _checks.optional(_checks.text, "name", given.pop("name", None)),
+        "up": _checks.optional(_checks.direction, "up", given.pop("up", None)),
+        "length_unit": _checks.optional(_checks.text, "length_unit", given.pop("length_unit", None)),
         "priors": path,
         "priors_text": text,
-        "max_views": _checks.whole("max_views", max_views, 4, 2**32),
-        "max_objects": _checks.whole("max_objects", max_objects, 1, 2**32),
         "pose_noise": None if pose_noise is None else _checks.array("pose_noise", pose_noise, (2,)).tolist(),
+        "chosen": _chosen(given, MAP_KINDS, "ObjectMap"),
     }
 
 

@@ -156,3 +156,32 @@ SEGMENTATION_KINDS = {
     "seed": "whole",
 }
 """The kind of value of each of them."""
+
+
+class MapOptions(TypedDict, total=False):
+    """Options of an object map."""
+
+    ids: Literal["trust", "evidence", "ignore"]
+    """How far to trust the ids of detections (of a tracker): trust, evidence or ignore. Default: "evidence"."""
+    min_views: int
+    """Views that an object needs to be confirmed. Default: 3."""
+    min_score: float | None
+    """Skip detections with a lower score."""
+    edge_noise_px: float | None
+    """Error of box edges that does not depend on the size of the box, in pixels [default: 2, 4 or 8, selected as
+    the evidence grows]."""
+    max_views: int
+    """Views that an object keeps; the others are forgotten, those that add least first. Default: 32."""
+    max_objects: int
+    """Objects that the map keeps. Default: 100000."""
+
+
+MAP_KINDS = {
+    "ids": "text",
+    "min_views": "whole",
+    "min_score": "number",
+    "edge_noise_px": "number",
+    "max_views": "whole",
+    "max_objects": "whole",
+}
+"""The kind of value of each of them."""

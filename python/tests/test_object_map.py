@@ -329,11 +329,11 @@ def test_wrong_frames_change_nothing(name: str) -> None:
 @pytest.mark.parametrize(
     ("keywords", "words"),
     [
-        ({"ids": "maybe"}, 'ids is "maybe"; expected one of "trust", "evidence", "ignore"'),
-        ({"min_views": 1}, "min_views is 1; expected a whole number from 2"),
-        ({"max_views": 3}, "max_views is 3; expected a whole number from 4"),
-        ({"max_objects": 0}, "max_objects is 0; expected a whole number from 1"),
-        ({"edge_noise_px": -1}, "pixel"),
+        ({"ids": "maybe"}, 'ids is "maybe"; expected one of trust, evidence, ignore'),
+        ({"min_views": 1}, "min_views is 1; expected a whole number of at least 2"),
+        ({"max_views": 3}, "max_views is 3; expected a whole number of at least 4"),
+        ({"max_objects": 0}, "max_objects is 0; expected a whole number of at least 1"),
+        ({"edge_noise_px": -1}, "edge_noise_px is -1; expected a number above 0"),
         ({"pose_noise": (0.1, 0)}, "pose_noise is (0.1, 0); expected two numbers above 0"),
         ({"up": (0, 0, 0)}, "up: "),
         ({"priors": "builtin"}, "meters"),

@@ -10,6 +10,7 @@ use pyo3::types::{PyBytes, PyDict};
 use quadlift::geometry::{CamFromWorld, Projection, quaternion_from_rotation};
 use quadlift::online::{FrameUpdate, MapObject, ObjectId, ObjectMap, OnlineOptions, Presence};
 use quadlift::solve::PoseNoise;
+use quadlift_io::options::MAP;
 use quadlift_io::run::FileInput;
 use quadlift_io::scene_file::FrameRecord;
 use quadlift_io::stream::{
@@ -24,7 +25,7 @@ use crate::error::refuse;
 use crate::live::Live;
 use crate::loaded::Loaded;
 use crate::localized::{PyLocalized, localized};
-use crate::options::{LocalizeKeywords, named, read_priors};
+use crate::options::{Chosen, LocalizeKeywords, chosen, read_priors};
 use crate::relocalize::{LocateQuery, location};
 use crate::run::in_background;
 
@@ -60,16 +61,12 @@ pub(crate) struct MapKeywords {
     name: Option<String>,
     up: Option<[f64; 3]>,
     length_unit: Option<String>,
-    ids: String,
-    min_views: usize,
-    min_score: Option<f64>,
-    edge_noise_px: Option<f64>,
+    /// Those of [`MAP`] that are given.
+    chosen: Chosen,
     /// "builtin" or a path.
     priors: Option<String>,
     /// The text of a file of priors, in the place of a path.
     priors_text: Option<String>,
-    max_views: usize,
-    max_objects: usize,
     pose_noise: Option<[f64; 2]>,
 }
 
@@ -191,16 +188,7 @@ impl PyObjectMap {
             (_, Some(text)) => Some(StoredPriors::Text { text: text.clone() }),
             (name, None) => name.clone().map(StoredPriors::Name),
         };
-        let options = OnlineOptions {
-            ids: named("ids", &keywords.ids)?,
-            min_views: keywords.min_views,
-            min_score: keywords.min_score,
-            edge_noise_px: keywords.edge_noise_px,
-            priors,
-            max_views: keywords.max_views,
-            max_objects: keywords.max_objects,
-            ..Default::default()
-        };
+        let options = OnlineOptions { priors, ..chosen(MAP, &keywords.chosen)? };
         let pose_noise = keywords.pose_noise.map(noise);
         if let Some([rotation, translation]) = keywords.pose_noise.filter(|sds| !sds.iter().all(|sd| *sd > 0.0)) {
             return Err(refuse(format!("pose_noise is ({rotation}, {translation}); expected two numbers above 0")));

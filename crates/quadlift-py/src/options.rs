@@ -2,10 +2,8 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 use pyo3::prelude::*;
-use quadlift::UnknownName;
 use quadlift::solve::CategoryPriors;
 use quadlift_io::coverage::{CoverageRecord, ResultAndTruth, coverage};
 use quadlift_io::options::{RUN, Spec, Spelling, Value, check_needs_posterior, set_options};
@@ -139,12 +137,4 @@ pub(crate) fn choice<T: Copy>(argument: &str, name: &str, values: &[(&str, T)]) 
     }
     let known: Vec<String> = values.iter().map(|(name, _)| format!("\"{name}\"")).collect();
     Err(refuse(format!("{argument} is \"{name}\"; expected one of {}", known.join(", "))))
-}
-
-/// The choice of this name; the error names the argument, what was found and what there is.
-pub(crate) fn named<T: FromStr<Err = UnknownName>>(argument: &str, name: &str) -> PyResult<T> {
-    name.parse().map_err(|error: UnknownName| {
-        let known: Vec<String> = error.expected.iter().map(|name| format!("\"{name}\"")).collect();
-        refuse(format!("{argument} is \"{name}\"; expected one of {}", known.join(", ")))
-    })
 }

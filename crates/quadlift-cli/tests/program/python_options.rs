@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use quadlift_io::options::{ASSOCIATION, Command, Kind, RUN, Spec, Value};
+use quadlift_io::options::{ASSOCIATION, Command, Kind, MAP, RUN, Spec, Value};
 use quadlift_io::segmentation::SEGMENTATION;
 
 const HEAD: &str = r#""""Options: types and kinds, written from crates/quadlift-io/src/options by the tests of the program.
@@ -94,6 +94,7 @@ fn python_has_the_options_of_the_tables() {
         ),
         class_of("AssociationOptions", "Options of an association.", "ASSOCIATION_KINDS", ASSOCIATION),
         class_of("SegmentationOptions", "Options of a segmentation.", "SEGMENTATION_KINDS", SEGMENTATION),
+        class_of("MapOptions", "Options of an object map.", "MAP_KINDS", MAP),
     ]
     .concat();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../python/quadlift/_run_options.py");
