@@ -194,7 +194,7 @@ class FromOtherPackages(SceneData):
         frame_ids: Sequence[str] | None = None,
         source: str = "yolo",
     ) -> Self:
-        """Cameras with the boxes of Ultralytics results, the outlines of segmentation and turned boxes of OBB.
+        """Cameras with the boxes of Ultralytics results, the outlines of segmentation and oriented boxes of OBB.
 
         Parameters
         ----------

@@ -38,7 +38,7 @@ def of_supervision(found: Any) -> Found:
     classes = data.get("class_name", found.class_id)
     boxes, turned = found.xyxy, None
     if data.get("xyxyxyxy") is not None:
-        # Turned boxes: their bounding boxes say nothing more.
+        # Oriented boxes: their bounding boxes say nothing more.
         turned = _outlines.of_corners(data["xyxyxyxy"])
         boxes = np.full((len(turned), 4), np.nan)
     return Found(boxes, found.confidence, classes, _tracks(found.tracker_id), found.mask, oriented_boxes=turned)

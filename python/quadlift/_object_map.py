@@ -283,8 +283,8 @@ class ObjectMap(Relocalizes):
         objects : array_like of int or str, shape (M,), optional
             Ids of a tracker; unknown ones as for categories.
         outlines, oriented_boxes, depths, boxes3d : optional
-            Outlines, turned boxes, depths and 3D boxes of the M detections, as in `Scene.with_detections`. The map
-            keeps them with its views, for `localize`. With an outline or a turned box the row of `boxes` may be NaN,
+            Outlines, oriented boxes, depths and 3D boxes of the M detections, as in `Scene.with_detections`. The map
+            keeps them with its views, for `localize`. With an outline or an oriented box the row of `boxes` may be NaN,
             or all of `boxes` missing.
 
         Warns

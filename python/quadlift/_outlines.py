@@ -1,4 +1,4 @@
-"""Outlines and turned boxes of detections, as arguments and as arrays for the core."""
+"""Outlines and oriented boxes of detections, as arguments and as arrays for the core."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ class OutlineArrays(TypedDict):
     offsets: NDArray[np.int64] | None
     """(M + 1,): where the corners of each detection begin, 0 to K; a detection without an outline has none."""
     oriented_boxes: NDArray[np.float64] | None
-    """(M, 5): center, width and height, angle; a row of NaN is no turned box."""
+    """(M, 5): center, width and height, angle; a row of NaN is no oriented box."""
     occluded_lines: NDArray[np.bool_] | None
     """(M, 8): supporting lines that another outline is known to hide."""
 
 
 def outlines(outlines: Sequence[Any] | None, oriented_boxes: Any, count: int, like: str) -> OutlineArrays | None:
-    """The outlines and turned boxes of `count` detections, as many as the argument `like`; None without any."""
+    """The outlines and oriented boxes of `count` detections, as many as the argument `like`; None without any."""
     if outlines is None and oriented_boxes is None:
         return None
     found: OutlineArrays = {"corners": None, "offsets": None, "oriented_boxes": None, "occluded_lines": None}
@@ -53,7 +53,7 @@ def _corners(name: str, corners: Any) -> NDArray[np.float64]:
 
 
 def around(found: OutlineArrays) -> NDArray[np.float64]:
-    """The boxes around outlines, or else around turned boxes: (M, 4), NaN without either."""
+    """The boxes around outlines, or else around oriented boxes: (M, 4), NaN without either."""
     corners, offsets, turned = found["corners"], found["offsets"], found["oriented_boxes"]
     counts = None if offsets is None else np.diff(offsets)
     count = len(turned) if turned is not None else (0 if counts is None else len(counts))
@@ -73,7 +73,7 @@ def around(found: OutlineArrays) -> NDArray[np.float64]:
 
 
 def of_corners(corners: Any) -> NDArray[np.float64]:
-    """Turned boxes from their corners in order, (M, 4, 2); as `OutlineArrays.oriented_boxes`."""
+    """Oriented boxes from their corners in order, (M, 4, 2); as `OutlineArrays.oriented_boxes`."""
     a, b, c, d = np.asarray(corners, dtype=np.float64).reshape(-1, 4, 2).transpose(1, 0, 2)
     along, across = (b - a + c - d) / 2, (c - b + d - a) / 2
     size = np.column_stack([np.linalg.norm(along, axis=1), np.linalg.norm(across, axis=1)])

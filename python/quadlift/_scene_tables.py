@@ -60,13 +60,13 @@ def _frame(frame: dict[str, Any], camera: dict[str, Any]) -> dict[str, Any]:
 def _detection(detection: dict[str, Any]) -> dict[str, Any]:
     ellipse, turned = detection.get("ellipse"), detection.get("oriented_box")
     box3d, depth = detection.get("box3d", {}), detection.get("depth", {})
-    turned_box = [*turned["center"], *turned["size"], turned["angle"]] if turned else [None] * 5
+    oriented_box = [*turned["center"], *turned["size"], turned["angle"]] if turned else [None] * 5
     return {
         **detection,
         **dict(zip(BOX, detection.get("box") or [None] * 4, strict=True)),
         "ellipse": ellipse and [*ellipse["center"], *ellipse["semi_axes"], ellipse["angle"]],
         "outline": _flat(detection.get("outline")),
-        **dict(zip(ORIENTED_BOX, turned_box, strict=True)),
+        **dict(zip(ORIENTED_BOX, oriented_box, strict=True)),
         **{f"depth_{name}": value for name, value in depth.items()},
         **{f"box3d_{name}": _flat(box3d.get(name)) for name in BOX3D},
         **{f"box3d_{name}": box3d.get(name) for name in ("frame", "source")},

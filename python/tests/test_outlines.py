@@ -1,4 +1,4 @@
-"""Outlines and turned boxes as arrays and tables: the same as in scene files, errors by row."""
+"""Outlines and oriented boxes as arrays and tables: the same as in scene files, errors by row."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SHAPES = ("outlines", "oriented_boxes")
 
 
 class Shaped:
-    """A scene with an outline, a turned box, or an outline beside a box, in turn: as a document and as arrays."""
+    """A scene with an outline, an oriented box, or an outline beside a box, in turn: as a document and as arrays."""
 
     def __init__(self, document: dict[str, Any]) -> None:
         self.document = document
@@ -169,10 +169,10 @@ def test_wrong_columns_are_named(shaped: Shaped) -> None:
         ({"outlines": [[[1.0, 2.0], [3.0, 4.0]]] * 100}, r"outlines\[0\]: the outline has 2 points; expected three"),
         ({"oriented_boxes": np.zeros((100, 4))}, r"oriented_boxes has the shape \(100, 4\)"),
         ({"oriented_boxes": np.ones((99, 5))}, r"oriented_boxes has the shape \(99, 5\); expected \(100, 5\)"),
-        ({"oriented_boxes": np.zeros((100, 5))}, r"oriented_boxes\[0\]: the size of the turned box is 0 x 0"),
+        ({"oriented_boxes": np.zeros((100, 5))}, r"oriented_boxes\[0\]: the size of the oriented box is 0 x 0"),
         (
             {"outlines": [None] * 100, "oriented_boxes": np.full((100, 5), np.nan), "boxes": np.full((100, 4), np.nan)},
-            "row 0 has neither a box nor an ellipse nor an outline nor a turned box",
+            "row 0 has neither a box nor an ellipse nor an outline nor an oriented box",
         ),
     ],
 )
@@ -210,7 +210,7 @@ def result(**fields: Any) -> Any:
     return types.SimpleNamespace(names={0: "mug"}, path="a.jpg", **fields)
 
 
-def test_ultralytics_gives_outlines_and_turned_boxes(shaped: Shaped) -> None:
+def test_ultralytics_gives_outlines_and_oriented_boxes(shaped: Shaped) -> None:
     cameras = quadlift.Scene.from_arrays(
         **{**shaped.frames, "cam_from_world": shaped.frames["cam_from_world"][:1]}, frame_ids=["a.jpg"]
     )
@@ -234,7 +234,7 @@ def test_ultralytics_gives_outlines_and_turned_boxes(shaped: Shaped) -> None:
         quadlift.Scene.from_ultralytics([result(boxes=None, masks=None, obb=None)], cameras)
 
 
-def test_supervision_gives_turned_boxes(shaped: Shaped) -> None:
+def test_supervision_gives_oriented_boxes(shaped: Shaped) -> None:
     cameras = quadlift.Scene.from_arrays(
         **{**shaped.frames, "cam_from_world": shaped.frames["cam_from_world"][:1]}, frame_ids=["a"]
     )

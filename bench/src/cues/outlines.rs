@@ -24,7 +24,7 @@ use crate::table::{Cell, Table};
 const VIEWS: [usize; 4] = [2, 3, 5, 20];
 
 /// What is measured.
-const MEASURED: [&str; 4] = ["boxes", "outlines", "boxes and outlines", "turned boxes"];
+const MEASURED: [&str; 4] = ["boxes", "outlines", "boxes and outlines", "oriented boxes"];
 
 /// Corners of an outline.
 const CORNERS: usize = 64;
@@ -65,7 +65,7 @@ fn outline(ellipse: &Ellipse, rng: &mut ChaCha8Rng) -> Vec<(Vector2<f64>, Outlin
 }
 
 /// An oriented box along the axes of an ellipse, with errors of its angle and of its sides.
-fn turned_box(ellipse: &Ellipse, rng: &mut ChaCha8Rng) -> Option<OrientedBox> {
+fn oriented_box(ellipse: &Ellipse, rng: &mut ChaCha8Rng) -> Option<OrientedBox> {
     let unit = ellipse.bounding_box().mean_half_size();
     let angle = ellipse.angle() + ANGLE_NOISE * normal(rng);
     let mut reach = [0.0; 4];
@@ -87,7 +87,7 @@ fn scene_of(made: &SyntheticScene, column: usize, seed: u64) -> Result<Scene, Er
         let Some(object) = made.true_objects[index] else { continue };
         let projection = &frames[detection.frame_index as usize].projection;
         let Ok(ellipse) = project_ellipsoid(projection, &made.truth[object].1.ellipsoid()) else { continue };
-        let (outline, turned) = (outline(&ellipse, &mut rng), turned_box(&ellipse, &mut rng));
+        let (outline, turned) = (outline(&ellipse, &mut rng), oriented_box(&ellipse, &mut rng));
         let lines = match (column, detection.bounding_box, turned) {
             (1, ..) => TangentLines::of_outline(&outline),
             (2, Some(around), _) => TangentLines::of_outline(&outline).map(|lines| lines.beside_box(&around)),
@@ -130,8 +130,8 @@ pub(super) fn run(run: &Run, report: &mut Report) -> Result<(), Error> {
     let steps = Steps::new("cues", VIEWS.len(), run.progress);
     let count = run.scenes(SCENES);
     report.text(format!(
-        "Outlines and turned boxes in the same scenes. The radius of an outline is wrong by {EDGE_NOISE} of the mean half size, \
-         smoothly: in size, place and elongation, so that neighboring supporting lines err alike. Turned boxes lie along the axes \
+        "Outlines and oriented boxes in the same scenes. The radius of an outline is wrong by {EDGE_NOISE} of the mean half size, \
+         smoothly: in size, place and elongation, so that neighboring supporting lines err alike. Oriented boxes lie along the axes \
          of the true ellipse, their angle is wrong by {ANGLE_NOISE} radians and their sides like the edges of boxes. Beside a box, \
          an outline gives the four diagonal lines."
     ));

@@ -43,7 +43,7 @@ pub struct DetectionArrays<'py> {
     /// (M, 4): edges that are known to be hidden, see [`Detection::occluded_edges`]. A scene file does not hold them.
     #[pyo3(default)]
     occluded_edges: Option<PyReadonlyArray2<'py, bool>>,
-    /// Outlines and turned boxes.
+    /// Outlines and oriented boxes.
     #[pyo3(default)]
     outlines: Option<OutlineArrays<'py>>,
     /// Depths and 3D boxes.
@@ -74,7 +74,7 @@ impl Row {
 /// Data of detections in a scene file that is not in a scene.
 pub struct Originals {
     /// What was measured, where a lens has been taken out of it since, or where a scene has the boxes around outlines; empty where no
-    /// frame has a lens and no detection an outline or a turned box.
+    /// frame has a lens and no detection an outline or an oriented box.
     rows: Vec<Row>,
     /// Empty where there are none.
     masks: Vec<Option<Runs>>,
@@ -198,7 +198,7 @@ impl DetectionArrays<'_> {
         let has_center = cues.box3d.is_some_and(|box3d| box3d.center.is_some());
         let shape = self.shape(row)?;
         if bounding_box.is_none() && ellipse.is_none() && shape.is_empty() && !has_center {
-            let or_outline = if self.outlines.is_some() { " nor an outline nor a turned box" } else { "" };
+            let or_outline = if self.outlines.is_some() { " nor an outline nor an oriented box" } else { "" };
             let or_center = if self.cues.is_some() { " nor a 3D box with a center" } else { "" };
             let measured = format!("neither a box nor an ellipse{or_outline}{or_center}");
             return Err(format!("row {row} has {measured} (all of its numbers are NaN)"));
@@ -206,7 +206,7 @@ impl DetectionArrays<'_> {
         Ok((frame_index, Row { bounding_box, ellipse, shape }, cues))
     }
 
-    /// Outline and turned box of a row, checked.
+    /// Outline and oriented box of a row, checked.
     fn shape(&self, row: usize) -> Result<RowShape, String> {
         Ok(self.outlines.as_ref().map(|outlines| outlines.of_row(row)).transpose()?.unwrap_or_default())
     }

@@ -1,4 +1,4 @@
-//! From NumPy arrays to the outlines and turned boxes of detections.
+//! From NumPy arrays to the outlines and oriented boxes of detections.
 
 use numpy::ndarray::Array2;
 use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
@@ -8,7 +8,7 @@ use quadlift::scene::{self, Shape, check_outline};
 
 use crate::rows::values;
 
-/// Outlines and turned boxes of M detections, the dictionary `OutlineArrays` of `python/quadlift/_outlines.py`.
+/// Outlines and oriented boxes of M detections, the dictionary `OutlineArrays` of `python/quadlift/_outlines.py`.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct OutlineArrays<'py> {
@@ -16,25 +16,25 @@ pub(crate) struct OutlineArrays<'py> {
     corners: Option<PyReadonlyArray2<'py, f64>>,
     /// (M + 1,): where the corners of each detection begin, 0 to K; a detection without an outline has none.
     offsets: Option<PyReadonlyArray1<'py, i64>>,
-    /// (M, 5): center, width and height, angle; a row of NaN is no turned box.
+    /// (M, 5): center, width and height, angle; a row of NaN is no oriented box.
     oriented_boxes: Option<PyReadonlyArray2<'py, f64>>,
     /// (M, 8): lines that are known to be hidden, see [`Shape::occluded_lines`].
     occluded_lines: Option<PyReadonlyArray2<'py, bool>>,
 }
 
-/// Outline and turned box of a row.
+/// Outline and oriented box of a row.
 #[derive(Clone, Default)]
 pub(crate) struct RowShape {
     /// Corners of the outline.
     pub outline: Option<Box<[[f64; 2]]>>,
-    /// The turned box.
+    /// The oriented box.
     pub oriented_box: Option<OrientedBox>,
     /// Lines that are known to be hidden.
     occluded_lines: Option<[bool; SUPPORT_DIRECTIONS]>,
 }
 
 impl RowShape {
-    /// Whether there is neither an outline nor a turned box.
+    /// Whether there is neither an outline nor an oriented box.
     pub(crate) fn is_empty(&self) -> bool {
         self.outline.is_none() && self.oriented_box.is_none()
     }
@@ -47,7 +47,7 @@ impl RowShape {
 }
 
 impl OutlineArrays<'_> {
-    /// Outline and turned box of a row, checked; or which number is wrong.
+    /// Outline and oriented box of a row, checked; or which number is wrong.
     pub(crate) fn of_row(&self, row: usize) -> Result<RowShape, String> {
         let outline = self.corners_of(row).filter(|corners| !corners.is_empty());
         if let Some(corners) = &outline {

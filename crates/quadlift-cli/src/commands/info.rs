@@ -368,7 +368,7 @@ fn render(report: &Report) -> String {
         let all = report.sources.iter().map(optional).fold([0; 4], |sum, of| std::array::from_fn(|k| sum[k] + of[k]));
         let present = |numbers: [usize; 4]| numbers.into_iter().zip(all).filter(|(_, all)| *all > 0).map(|(n, _)| n);
         let usual = ["<source", "detections", "objects", "frames", "boxes", "ellipses", "masks"];
-        let titles = ["outlines", "turned boxes", "depths", "3D boxes"];
+        let titles = ["outlines", "oriented boxes", "depths", "3D boxes"];
         let titles = titles.into_iter().zip(all).filter(|(_, all)| *all > 0).map(|(title, _)| title);
         let mut table = Table::new(usual.into_iter().chain(titles));
         for source in &report.sources {

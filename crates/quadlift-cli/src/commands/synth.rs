@@ -42,7 +42,7 @@ Errors of what detections carry (--cue-noise, may be repeated; the defaults are 
   outline:0.03
              radius of each outline, smooth (size, place, elongation), relative to the box's mean half size
   angle:3 sides:0.03
-             angle of each turned box, degrees; its sides, relative to the box's mean half size
+             angle of each oriented box, degrees; its sides, relative to the box's mean half size
   depth:0.05 depth-scale:1.1 depth-shift:0 depth-outliers:0
              noise of each depth, relative; measured over true depth of all; added to all, in world units; share that shows
              something behind

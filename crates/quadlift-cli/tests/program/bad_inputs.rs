@@ -126,7 +126,7 @@ fn entries() -> Vec<Case> {
             scene["detections"][2]["ellipse"] = json!({"center": [5, 5], "semi_axes": [3, 0], "angle": 0});
         }),
         changed("an outline of two points", |scene| scene["detections"][2]["outline"] = json!([[1, 2], [3, 4]])),
-        changed("a turned box without a width", |scene| {
+        changed("an oriented box without a width", |scene| {
             scene["detections"][2]["oriented_box"] = json!({"center": [9, 9], "size": [0, 4], "angle": 0.3});
         }),
         changed("a depth behind the camera", |scene| scene["detections"][2]["depth"] = json!({"median": -3})),

@@ -41,7 +41,7 @@ fn difference(folder: &Folder, found: &str) -> f64 {
 }
 
 #[test]
-fn turned_boxes_keep_their_angles_in_a_log() {
+fn oriented_boxes_keep_their_angles_in_a_log() {
     let folder = Folder::new();
     folder.succeed("synth -q -o made.json --objects 4 --views 5 --seed 1 --cues outline,oriented_box");
     let mut scene = folder.json("made.json");

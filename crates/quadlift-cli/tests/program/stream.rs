@@ -134,7 +134,7 @@ fn lines_with_cues(scene: &Value) -> Vec<String> {
 }
 
 #[test]
-fn outlines_turned_boxes_and_scales_of_frames_reach_the_map_and_the_estimates() {
+fn outlines_oriented_boxes_and_scales_of_frames_reach_the_map_and_the_estimates() {
     let folder = Folder::new();
     folder.succeed(
         "synth -q -o scene.json --ground-truth truth.json --no-ids --objects 6 --views 12 --seed 2 --noise box:0.03 \

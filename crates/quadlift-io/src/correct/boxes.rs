@@ -111,7 +111,7 @@ fn map_pixels(record: &mut DetectionRecord, map: &PixelMap) {
     }
     if let Some(turned) = &mut record.oriented_box
         // `to_scene` reports invalid ones.
-        && let Ok(given) = turned.turned_box()
+        && let Ok(given) = turned.oriented_box()
     {
         // The corners that follow each other along the width and across it; a factor that differs makes a parallelogram of them.
         let [a, b, c, d] = given.corners().map(|corner| map.point(corner));

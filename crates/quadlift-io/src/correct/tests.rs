@@ -273,7 +273,7 @@ fn other_cameras_are_corrected_as_well() {
 }
 
 #[test]
-fn outlines_and_turned_boxes_are_corrected_like_boxes() {
+fn outlines_and_oriented_boxes_are_corrected_like_boxes() {
     let mut file = scene();
     let turned = OrientedBox::new(Vector2::new(300.0, 200.0), Vector2::new(80.0, 30.0), 0.6).unwrap();
     let outline = [[100.0, 60.0], [180.0, 70.0], [140.0, 200.0]];

@@ -109,7 +109,7 @@ pub const RUN: &[Spec<RunOptions>] = &[
         placeholder: "KIND",
         short: "Choose the measurements to use",
         help: "Measurements to use: auto (what a detection has; if both, the box for position and size, the ellipse for shape), \
-               box, ellipse, box+ellipse, or mask (its outline, with posterior and planes; also outlines and turned boxes). Detections \
+               box, ellipse, box+ellipse, or mask (its outline, with posterior and planes; also outlines and oriented boxes). Detections \
                without the selected measurement are skipped",
         group: Group::Input,
         get: |o| o.localize.measurements.name().into(),

@@ -200,7 +200,7 @@ impl DetectionRecord {
                 EntryError::new(entry(".ellipse"), format!("{error}; \"semi_axes\" is {:?}", e.semi_axes))
             })
         });
-        let oriented_box = self.oriented_box.as_deref().map(OrientedBoxRecord::turned_box).transpose();
+        let oriented_box = self.oriented_box.as_deref().map(OrientedBoxRecord::oriented_box).transpose();
         let segmentation = self.segmentation.as_deref();
         // Without a reliable mask the ellipse has no more information than the box.
         let of_box = bounding_box.is_some() && segmentation.is_some_and(SegmentationRecord::fallback);

@@ -337,7 +337,7 @@ impl From<OrientedBox> for OrientedBoxRecord {
 
 impl OrientedBoxRecord {
     /// The checked box.
-    pub(crate) fn turned_box(&self) -> Result<OrientedBox, OrientedBoxError> {
+    pub(crate) fn oriented_box(&self) -> Result<OrientedBox, OrientedBoxError> {
         OrientedBox::new(self.center.into(), self.size.into(), self.angle)
     }
 }

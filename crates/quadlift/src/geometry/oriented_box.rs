@@ -10,10 +10,10 @@ use super::ellipse::Ellipse;
 #[non_exhaustive]
 pub enum OrientedBoxError {
     /// A number is NaN or infinite.
-    #[error("the turned box holds a number that is not finite")]
+    #[error("the oriented box holds a number that is not finite")]
     NotFinite,
     /// Width or height is zero or negative.
-    #[error("the size of the turned box is {width} x {height}; expected two positive numbers")]
+    #[error("the size of the oriented box is {width} x {height}; expected two positive numbers")]
     Empty {
         /// Extent along the direction of the angle, pixels.
         width: f64,

@@ -92,7 +92,7 @@ fn scales_of_frames_are_those_of_the_map() {
 }
 
 #[test]
-fn outlines_and_turned_boxes_give_the_lines_of_a_scene() {
+fn outlines_and_oriented_boxes_give_the_lines_of_a_scene() {
     use crate::scene::SceneBuilder;
     let (made, scene) = with_cues();
     let options = ShapeOptions { outline: Some(0.03), oriented_box: Some(Default::default()) };

@@ -440,7 +440,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turned_box_gives_the_lines_of_its_sides() {
+    fn a_oriented_box_gives_the_lines_of_its_sides() {
         let mut builder = SceneBuilder::new("test");
         builder.add_frame("a", Projection::from_matrix(Matrix3x4::identity()).unwrap(), Some([100.0, 80.0])).unwrap();
         let turned = OrientedBox::new(Vector2::new(85.0, 40.0), Vector2::new(40.0, 10.0), 0.5).unwrap();

@@ -26,7 +26,7 @@ pub use cues::{Box3dNoise, CueOptions, DepthNoise, simulate_cues};
 pub use hall::{Hall, HallBox, HallOptions, WalkPath, generate_hall};
 pub use options::{Detector, Noise, Observations, SyntheticError, SyntheticIds, SyntheticOptions, Trajectory};
 pub use scene::{SyntheticFrame, SyntheticScene};
-pub use shapes::{ShapeOptions, SimulatedShape, TurnedNoise, simulate_shapes};
+pub use shapes::{OrientedBoxNoise, ShapeOptions, SimulatedShape, simulate_shapes};
 
 use nalgebra::Vector3;
 

@@ -26,19 +26,19 @@ pub struct ShapeOptions {
     /// smooth: of size, place and elongation.
     pub outline: Option<f64>,
     /// Errors of oriented boxes, if there are any.
-    pub oriented_box: Option<TurnedNoise>,
+    pub oriented_box: Option<OrientedBoxNoise>,
 }
 
 /// Errors of simulated oriented boxes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TurnedNoise {
+pub struct OrientedBoxNoise {
     /// Standard deviation of the angle, radians.
     pub angle: f64,
     /// Standard deviation of each side, relative to the mean half size of the box.
     pub sides: f64,
 }
 
-impl Default for TurnedNoise {
+impl Default for OrientedBoxNoise {
     /// Three degrees, and sides as good as the edges of boxes.
     fn default() -> Self {
         Self { angle: 3f64.to_radians(), sides: 0.03 }
@@ -69,7 +69,7 @@ pub fn simulate_shapes(
         let seen = body_of(index, detection).and_then(|body| Seen::new(projection, body));
         seen.map_or_else(SimulatedShape::default, |seen| SimulatedShape {
             outline: options.outline.map(|noise| seen.outline(noise, &mut of_outlines)),
-            oriented_box: options.oriented_box.and_then(|noise| seen.turned_box(&noise, &mut of_boxes)),
+            oriented_box: options.oriented_box.and_then(|noise| seen.oriented_box(&noise, &mut of_boxes)),
         })
     };
     scene.detections.iter().enumerate().map(simulated).collect()
@@ -126,7 +126,7 @@ impl<'a> Seen<'a> {
         self.corners.iter().map(moved).collect()
     }
 
-    fn turned_box(&self, noise: &TurnedNoise, rng: &mut ChaCha8Rng) -> Option<OrientedBox> {
+    fn oriented_box(&self, noise: &OrientedBoxNoise, rng: &mut ChaCha8Rng) -> Option<OrientedBox> {
         let angle = self.angle()? + noise.angle * random::normal(rng);
         let reach = reaches(self.projection, &self.body, angle)?;
         let reach = reach.map(|reach| reach + noise.sides * self.unit * random::normal(rng));
@@ -190,7 +190,8 @@ mod tests {
 
     #[test]
     fn exact_shapes_touch_the_body() {
-        let exact = ShapeOptions { outline: Some(0.0), oriented_box: Some(TurnedNoise { angle: 0.0, sides: 0.0 }) };
+        let exact =
+            ShapeOptions { outline: Some(0.0), oriented_box: Some(OrientedBoxNoise { angle: 0.0, sides: 0.0 }) };
         for kind in [BodyKind::Ellipsoid, BodyKind::Cuboid] {
             for (shape, body, projection) in simulated(kind, &exact) {
                 let corners = shape.outline.unwrap();
@@ -212,7 +213,8 @@ mod tests {
 
     #[test]
     fn errors_are_as_large_as_asked_for() {
-        let noise = ShapeOptions { outline: Some(0.05), oriented_box: Some(TurnedNoise { angle: 0.1, sides: 0.02 }) };
+        let noise =
+            ShapeOptions { outline: Some(0.05), oriented_box: Some(OrientedBoxNoise { angle: 0.1, sides: 0.02 }) };
         let (mut radius, mut sides, mut count) = (0.0, 0.0, 0.0);
         for (shape, body, projection) in simulated(BodyKind::Ellipsoid, &noise) {
             let around = project_bounding_box(&projection, &body).unwrap();

@@ -61,7 +61,7 @@ fn exact_masks_give_exact_bodies() {
 }
 
 #[test]
-fn exact_turned_boxes_give_exact_bodies() {
+fn exact_oriented_boxes_give_exact_bodies() {
     let synthetic = synthetic(Observations::Ellipses, Vec::new());
     let mut scene = synthetic.scene.clone();
     scene

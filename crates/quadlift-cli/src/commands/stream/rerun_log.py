@@ -14,7 +14,7 @@ Entities, on the timelines "frame" and, if the frames have times, "time":
     world/camera/image                                  its pinhole camera and its image
     world/camera/image/boxes                            detected boxes, red if rejected by the estimator
     world/camera/image/ellipses                         detected ellipses, as line strips
-    world/camera/image/detected_outlines                detected outlines and turned boxes, as line strips
+    world/camera/image/detected_outlines                detected outlines and oriented boxes, as line strips
     world/camera/image/outlines                         outlines of the estimated bodies, as line strips
     world/camera/image/true_outlines                    outlines of the true bodies
 

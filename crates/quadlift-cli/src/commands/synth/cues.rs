@@ -1,10 +1,10 @@
-//! `quadlift synth --cues`: outlines, turned boxes, depths and 3D boxes of detectors of single images.
+//! `quadlift synth --cues`: outlines, oriented boxes, depths and 3D boxes of detectors of single images.
 
 use clap::ValueEnum;
 use quadlift::geometry::Body;
 use quadlift::scene::{Detection, Scene, SceneError};
 use quadlift::synthetic::{
-    Box3dNoise, CueOptions, DepthNoise, ShapeOptions, SyntheticScene, TurnedNoise, simulate_cues, simulate_shapes,
+    Box3dNoise, CueOptions, DepthNoise, OrientedBoxNoise, ShapeOptions, SyntheticScene, simulate_cues, simulate_shapes,
 };
 use quadlift_io::SceneFile;
 
@@ -13,7 +13,7 @@ use crate::args;
 /// Standard deviation of the radius of outlines, unless the user says otherwise: as good as the edges of boxes.
 const OUTLINE_NOISE: f64 = 0.03;
 
-/// Outlines, turned boxes, depths and 3D boxes.
+/// Outlines, oriented boxes, depths and 3D boxes.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Outlines, depths and 3D boxes")]
 pub(super) struct CueArgs {
@@ -104,10 +104,10 @@ impl CueArgs {
         !self.cues.is_empty()
     }
 
-    /// The errors of depths and 3D boxes, and of outlines and turned boxes; or what does not fit together.
+    /// The errors of depths and 3D boxes, and of outlines and oriented boxes; or what does not fit together.
     pub(super) fn options(&self) -> Result<(CueOptions, ShapeOptions), String> {
         let (mut depth, mut box3d) = (DepthNoise::default(), Box3dNoise::default());
-        let (mut outline, mut turned) = (OUTLINE_NOISE, TurnedNoise::default());
+        let (mut outline, mut turned) = (OUTLINE_NOISE, OrientedBoxNoise::default());
         for &CueNoise { kind, amount } in &self.cue_noise {
             for (name, known, cue) in KINDS {
                 if known == kind && !self.cues.contains(&cue) {
@@ -148,7 +148,7 @@ fn bodies(synthetic: &SyntheticScene) -> impl Fn(usize, &Detection) -> Option<Bo
     }
 }
 
-/// Gives the detections of true objects in a scene file outlines and turned boxes.
+/// Gives the detections of true objects in a scene file outlines and oriented boxes.
 pub(super) fn add_shapes(file: &mut SceneFile, synthetic: &SyntheticScene, options: &ShapeOptions, seed: u64) {
     let shapes = simulate_shapes(&synthetic.scene, bodies(synthetic), options, seed);
     for (record, shape) in file.detections.iter_mut().zip(shapes) {
@@ -183,7 +183,7 @@ mod tests {
         assert_eq!(depth.options().unwrap().0.box3d, None);
         let cues = vec![Cue::Outline, Cue::OrientedBox];
         let shapes = CueArgs { cues, cue_noise: noise(&["outline:0.1", "angle:90"]) }.options().unwrap().1;
-        let turned = TurnedNoise { angle: std::f64::consts::FRAC_PI_2, ..Default::default() };
+        let turned = OrientedBoxNoise { angle: std::f64::consts::FRAC_PI_2, ..Default::default() };
         assert_eq!(shapes, ShapeOptions { outline: Some(0.1), oriented_box: Some(turned) });
         let other = CueArgs { cues: vec![Cue::Depth], cue_noise: noise(&["flips:0.5"]) };
         assert!(other.options().unwrap_err().contains("flips is an error of box3d"));

@@ -306,7 +306,7 @@ fn record(detected: &Detected, scale: [f64; 2], shift: [f64; 2]) -> Option<Detec
             around = box_of_runs(rle).map(place);
             mask = Some(MaskRecord { rle: Some(rle.clone()), ..MaskRecord::default() });
         }
-        Outline::TurnedBox(corners) => {
+        Outline::OrientedBox(corners) => {
             let found = OrientedBox::of_corners(corners.map(|corner| Vector2::from(place(corner))))?;
             // Not around the corners, where the object is not.
             around = Some(found.inscribed_ellipse()?.bounding_box().edges());

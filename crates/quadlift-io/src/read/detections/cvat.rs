@@ -10,7 +10,7 @@ use std::path::Path;
 use super::files::{
     ByImage, Detected, DetectedImage, DetectionFiles, DetectionFormat, ImageKey, Numbering, Outline, checked_edges,
 };
-use super::shapes::{PixelBudget, add_part, mask_of_rows, turned_box};
+use super::shapes::{PixelBudget, add_part, mask_of_rows, oriented_box};
 use crate::error::ReadError;
 use crate::input::{paths_below, read_bytes};
 use crate::read::format::Format;
@@ -181,7 +181,7 @@ impl Reader<'_> {
         let degrees = shape.attribute("rotation").map_or(Ok(0.0), |_| number("rotation"))?;
         let turned = |edges: [f64; 4]| {
             let center = [0.5 * (edges[0] + edges[2]), 0.5 * (edges[1] + edges[3])];
-            (None, Outline::TurnedBox(turned_box(edges, center, degrees)))
+            (None, Outline::OrientedBox(oriented_box(edges, center, degrees)))
         };
         let (bounding_box, outline) = match &*shape.name {
             "box" => {

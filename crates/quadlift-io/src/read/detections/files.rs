@@ -110,7 +110,7 @@ pub enum Outline {
     /// A mask in COCO's runs.
     Rle(RleRecord),
     /// The corners of a rotated box in order.
-    TurnedBox([[f64; 2]; 4]),
+    OrientedBox([[f64; 2]; 4]),
     /// Center and radius.
     Circle([f64; 3]),
 }

@@ -11,7 +11,7 @@ use std::path::Path;
 use super::files::{ByImage, Detected, DetectionFiles, DetectionFormat, ImageKey, Numbering, Outline, edges_of_size};
 use super::label_studio_brush::mask_of_brush;
 use super::label_studio_links::{image_name, is_video};
-use super::shapes::{PixelBudget, turned_box};
+use super::shapes::{PixelBudget, oriented_box};
 use crate::error::ReadError;
 use crate::input::read_bytes;
 use crate::read::format::Format;
@@ -262,8 +262,8 @@ impl Reader {
             }
         };
         let pixels = [edges[0] * size[0], edges[1] * size[1], edges[2] * size[0], edges[3] * size[1]];
-        let corners = turned_box(pixels, [pivot[0] * size[0], pivot[1] * size[1]], degrees);
-        Some(Outline::TurnedBox(corners.map(|[x, y]| [x / size[0] / 100.0, y / size[1] / 100.0])))
+        let corners = oriented_box(pixels, [pivot[0] * size[0], pivot[1] * size[1]], degrees);
+        Some(Outline::OrientedBox(corners.map(|[x, y]| [x / size[0] / 100.0, y / size[1] / 100.0])))
     }
 
     /// The boxes of a track, with those between keyframes.

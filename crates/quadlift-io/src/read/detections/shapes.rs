@@ -6,7 +6,7 @@ use super::files::{Detected, Outline, extent};
 use crate::scene_file::{RleCounts, RleRecord};
 
 /// The corners of a box `[x0, y0, x1, y1]` that is turned about a point by an angle in degrees, clockwise in the image.
-pub(super) fn turned_box([x0, y0, x1, y1]: [f64; 4], pivot: [f64; 2], degrees: f64) -> [[f64; 2]; 4] {
+pub(super) fn oriented_box([x0, y0, x1, y1]: [f64; 4], pivot: [f64; 2], degrees: f64) -> [[f64; 2]; 4] {
     let (sin, cos) = degrees.to_radians().sin_cos();
     [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(|[x, y]| {
         let (dx, dy) = (x - pivot[0], y - pivot[1]);
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn boxes_turn_clockwise() {
-        let corners = turned_box([0.0, 0.0, 4.0, 2.0], [0.0, 0.0], 90.0);
+        let corners = oriented_box([0.0, 0.0, 4.0, 2.0], [0.0, 0.0], 90.0);
         let expected = [[0.0, 0.0], [0.0, 4.0], [-2.0, 4.0], [-2.0, 0.0]];
         for (found, expected) in corners.iter().flatten().zip(expected.iter().flatten()) {
             assert!((found - expected).abs() < 1e-12, "{corners:?}");

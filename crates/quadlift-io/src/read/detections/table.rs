@@ -166,7 +166,7 @@ impl Table<'_> {
                 },
                 // The box of the corners is larger than the object.
                 bounding_box: corners.is_none().then_some(edges),
-                outline: corners.map_or(Outline::Unknown, Outline::TurnedBox),
+                outline: corners.map_or(Outline::Unknown, Outline::OrientedBox),
                 ..Detected::default()
             });
         }

@@ -197,7 +197,7 @@ fn the_columns_of_yolo_are_told_by_all_files() {
     let turned = "0 0.5 0.4 0.6 0.5 0.5 0.6 0.4 0.5";
     assert_eq!(read(&[&format!("{turned} 0.8 4")]).0, [Some((Some(0.8), id("4")))]);
     let files = yolo(&[turned], YoloKind::Auto, ExtraColumns::Auto).unwrap();
-    assert!(matches!(files.images[0].detections[0].outline, Outline::TurnedBox(_)));
+    assert!(matches!(files.images[0].detections[0].outline, Outline::OrientedBox(_)));
     let files = yolo(&[turned], YoloKind::Polygon, ExtraColumns::None).unwrap();
     assert!(matches!(files.images[0].detections[0].outline, Outline::Polygons(_)));
     // Repeated lines of a second run.

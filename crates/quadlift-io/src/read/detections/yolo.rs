@@ -64,7 +64,7 @@ pub(super) const FORMAT: DetectionFormat = Format {
         None => Ok(None),
     },
     read: |path, options| {
-        let shapes = [("box", YoloKind::Box), ("polygon", YoloKind::Polygon), ("obb", YoloKind::TurnedBox)];
+        let shapes = [("box", YoloKind::Box), ("polygon", YoloKind::Polygon), ("obb", YoloKind::OrientedBox)];
         let kind = ReadOptions::choice(path, ("kind", options.kind.as_ref()), &shapes)?;
         let extra = ReadOptions::choice(path, ("columns", options.columns.as_ref()), &COLUMNS)?;
         read_yolo(path, &YoloOptions { kind, extra, names: names(options)?.as_ref() })
@@ -179,8 +179,8 @@ fn shape(line: &LabelLine, coordinates: &[f64], kind: YoloKind) -> Result<(Optio
             let edges = [x - 0.5 * width, y - 0.5 * height, x + 0.5 * width, y + 0.5 * height];
             Ok((Some(edges), Outline::Unknown))
         }
-        [ax, ay, bx, by, cx, cy, dx, dy] if kind == YoloKind::TurnedBox => {
-            Ok((None, Outline::TurnedBox([[ax, ay], [bx, by], [cx, cy], [dx, dy]])))
+        [ax, ay, bx, by, cx, cy, dx, dy] if kind == YoloKind::OrientedBox => {
+            Ok((None, Outline::OrientedBox([[ax, ay], [bx, by], [cx, cy], [dx, dy]])))
         }
         _ if coordinates.len() >= 6 && coordinates.len().is_multiple_of(2) => {
             Ok((None, Outline::Polygons(vec![coordinates.to_vec()])))

@@ -22,7 +22,7 @@ pub(crate) enum YoloKind {
     /// Corners of a polygon.
     Polygon,
     /// The four corners of an oriented box.
-    TurnedBox,
+    OrientedBox,
 }
 
 /// Columns after the coordinates.
@@ -67,7 +67,7 @@ impl Columns {
     /// In words.
     pub(super) fn words(self) -> String {
         let coordinates = match self.kind {
-            YoloKind::TurnedBox => "the corners of a rotated box",
+            YoloKind::OrientedBox => "the corners of a rotated box",
             YoloKind::Polygon => "a polygon",
             YoloKind::Box | YoloKind::Auto => "a box",
         };
@@ -85,7 +85,7 @@ impl Columns {
         let count = line.values.len();
         let extras = match self.kind {
             YoloKind::Box | YoloKind::Auto => count.checked_sub(4),
-            YoloKind::TurnedBox => count.checked_sub(8),
+            YoloKind::OrientedBox => count.checked_sub(8),
             // Some files have boxes among their polygons.
             YoloKind::Polygon if count == 4 => Some(0),
             YoloKind::Polygon if count.is_multiple_of(2) => {
@@ -137,7 +137,7 @@ pub(super) fn columns(lines: &[LabelLine], kind: YoloKind, extra: ExtraColumns) 
     }
     let kind = match kind {
         YoloKind::Auto if counts().all(|n| n <= 6) => YoloKind::Box,
-        YoloKind::Auto if are_turned_boxes(lines) => YoloKind::TurnedBox,
+        YoloKind::Auto if are_oriented_boxes(lines) => YoloKind::OrientedBox,
         YoloKind::Auto => YoloKind::Polygon,
         kind => kind,
     };
@@ -146,7 +146,7 @@ pub(super) fn columns(lines: &[LabelLine], kind: YoloKind, extra: ExtraColumns) 
 }
 
 /// Whether all lines have 8 to 10 numbers, of which the first 8 are the corners of parallelograms, some of them turned.
-fn are_turned_boxes(lines: &[LabelLine]) -> bool {
+fn are_oriented_boxes(lines: &[LabelLine]) -> bool {
     let is_zero = |x: f64| x.abs() < PARALLEL;
     let is_parallelogram = |line: &LabelLine| match line.values.as_slice() {
         [ax, ay, bx, by, cx, cy, dx, dy, rest @ ..] if rest.len() <= 2 => {
@@ -164,7 +164,7 @@ fn are_turned_boxes(lines: &[LabelLine]) -> bool {
 fn extra_columns(lines: &[LabelLine], kind: YoloKind) -> Result<ExtraColumns, ReadError> {
     let last = |line: &LabelLine| line.values.last().copied().unwrap_or_default();
     let is_polygon = kind == YoloKind::Polygon;
-    let base = if kind == YoloKind::TurnedBox { 8 } else { 4 };
+    let base = if kind == YoloKind::OrientedBox { 8 } else { 4 };
     // No coordinate is 2 or more.
     let has_both = |line: &LabelLine| match is_polygon {
         true => line.values.len().is_multiple_of(2) && last(line) >= 2.0,

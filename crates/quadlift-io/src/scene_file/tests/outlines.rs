@@ -22,7 +22,7 @@ fn read(fields: &Value) -> SceneFile {
 }
 
 #[test]
-fn outlines_and_turned_boxes_are_lines_of_detections_and_kept() {
+fn outlines_and_oriented_boxes_are_lines_of_detections_and_kept() {
     let outline = json!({"outline": [[20, 30], [60, 30], [40, 80.5]]});
     let file = read(&outline);
     let detection = &file.to_scene().unwrap().detections[0];
@@ -65,7 +65,7 @@ fn what_is_wrong_with_them_is_said_with_its_place() {
     assert_snapshot!(message(&json!({"outline": [[1, 2], [3, 4], [5, 6]]})), @"detections[0].outline: all points of the outline lie on a line; expected a polygon");
     assert_snapshot!(message(&json!({"outline": [1, 2, 3, 4, 5, 6]})), @r#"found the number `1`, expected a list of 2 numbers ("outline": [[x, y], [x, y], ...] in pixels, the corners of a polygon)"#);
     assert_snapshot!(message(&json!({"outline": [[1, 2], [3, 4, 5], [5, 6]]})), @r#"found 3 entries, expected a list of 2 numbers ("outline": [[x, y], [x, y], ...] in pixels, the corners of a polygon)"#);
-    assert_snapshot!(message(&json!({"oriented_box": {"center": [1, 2], "size": [3, 0], "angle": 0}})), @"detections[0].oriented_box: the size of the turned box is 3 x 0; expected two positive numbers");
+    assert_snapshot!(message(&json!({"oriented_box": {"center": [1, 2], "size": [3, 0], "angle": 0}})), @"detections[0].oriented_box: the size of the oriented box is 3 x 0; expected two positive numbers");
     assert_snapshot!(message(&json!({"oriented_box": {"center": [1, 2], "size": [3, 4]}})), @r#"missing field `angle` ("oriented_box": {"center": [x, y], "size": [width, height], "angle": radians})"#);
     assert_snapshot!(message(&json!({})), @r#"detections[0]: the detection has none of "box", "outline", "oriented_box" and "ellipse", and no "box3d" with a center"#);
 }
