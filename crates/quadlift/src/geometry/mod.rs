@@ -11,6 +11,7 @@ pub(crate) mod gamma;
 pub(crate) mod linalg;
 mod oriented_box;
 pub(crate) mod quadrature;
+pub(crate) mod ray_sum;
 pub(crate) mod rotation;
 mod camera;
 mod lens;
