@@ -98,13 +98,13 @@ impl<'a> Watch<'a> {
     }
 
     /// Asks the observer whether to go on.
-    pub fn poll(&self) {
+    pub(crate) fn poll(&self) {
         self.ask(self.done.load(Ordering::Relaxed));
     }
 
     /// Whether to stop before the item with this index, of many that are done in parallel: the observer is asked at one of
     /// sixteen.
-    pub fn stops_before(&self, index: usize) -> bool {
+    pub(crate) fn stops_before(&self, index: usize) -> bool {
         if index.is_multiple_of(16) {
             self.poll();
         }

@@ -190,7 +190,7 @@ impl Kind {
 /// The setters of rows get a value of their kind, or none; anything else would be a mistake in a table.
 impl Value {
     /// A flag; `None` if unset.
-    pub fn flag(&self) -> Option<bool> {
+    pub(crate) fn flag(&self) -> Option<bool> {
         if let Self::Flag(flag) = self { Some(*flag) } else { None }
     }
 
@@ -217,7 +217,7 @@ impl Value {
     ///
     /// # Errors
     /// What was expected.
-    pub fn named<T: FromStr<Err = UnknownName>>(&self) -> Result<T, String> {
+    pub(crate) fn named<T: FromStr<Err = UnknownName>>(&self) -> Result<T, String> {
         let name = self.text().unwrap_or("none");
         name.parse().map_err(|error: UnknownName| format!("expected one of {}", error.expected.join(", ")))
     }
@@ -228,7 +228,7 @@ impl Value {
     }
 
     /// Two numbers; `None` if unset.
-    pub fn pair(&self) -> Option<[f64; 2]> {
+    pub(crate) fn pair(&self) -> Option<[f64; 2]> {
         if let Self::Numbers(numbers) = self { numbers.as_slice().try_into().ok() } else { None }
     }
 }

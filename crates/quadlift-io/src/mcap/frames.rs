@@ -152,18 +152,13 @@ impl<R: Read + Seek> Frames<R> {
         }
     }
 
-    /// What was read.
-    pub fn overview(&self) -> &Overview {
-        &self.overview
-    }
-
     /// Names of images that were written, by the ids of their frames.
-    pub fn images(&self) -> &BTreeMap<String, String> {
+    pub(crate) fn images(&self) -> &BTreeMap<String, String> {
         &self.images
     }
 
     /// How the poses were found, so far.
-    pub fn notes(&self) -> Vec<String> {
+    pub(crate) fn notes(&self) -> Vec<String> {
         let Statistics { exact, between, largest_gap, nearest, farthest, jumps_forward, without_camera } =
             self.statistics;
         let mut parts = Vec::new();

@@ -20,6 +20,5 @@ pub use map_file::{MapMemory, MemoryRecord, ShareRecord, StreamRecord};
 pub use options::{StoredPriors, lasting_options, options_of};
 pub use scene::{CheckedFrame, StreamedScene};
 pub use state::{
-    STATE_FORMAT, STATE_VERSION, StoredStream, StreamState, parse_state_file, parse_stored_stream, read_state_file,
-    read_stored_stream, write_state, write_state_file,
+    StoredStream, StreamState, parse_stored_stream, read_state_file, read_stored_stream, write_state, write_state_file,
 };

@@ -256,7 +256,7 @@ impl StreamedScene {
     }
 
     /// The same with the boxes from which the objects are estimated ([`ObjectMap::to_averaged_scene`]).
-    pub fn to_averaged_file(&self, map: &ObjectMap) -> SceneFile {
+    pub(crate) fn to_averaged_file(&self, map: &ObjectMap) -> SceneFile {
         self.file_of(&map.to_averaged_scene(), &map.shapes_of_scene())
     }
 

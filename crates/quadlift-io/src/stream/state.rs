@@ -21,9 +21,9 @@ use crate::scene_file::{CameraRecord, FrameRecord};
 use crate::wording::plain_words;
 
 /// The value of `format` in a state file.
-pub const STATE_FORMAT: &str = "quadlift.stream_state";
+const STATE_FORMAT: &str = "quadlift.stream_state";
 /// The value of `version` that this program reads and writes.
-pub const STATE_VERSION: u64 = 2;
+const STATE_VERSION: u64 = 2;
 
 /// What goes on: the map, the scene, and where the input was.
 #[derive(Debug, Clone)]
@@ -118,7 +118,7 @@ pub fn read_state_file(
 ///
 /// # Errors
 /// As [`read_state_file`].
-pub fn parse_state_file(
+fn parse_state_file(
     path: &Path,
     bytes: &[u8],
     map_options: OnlineOptions,

@@ -106,7 +106,7 @@ pub(crate) fn solve_objects(
     if watch.is_canceled() {
         return Err(LocalizeError::Canceled);
     }
-    let cross_validation = summarize(&mut solution.estimates, &folds, predicted, &options.cross_validation);
+    let cross_validation = summarize(&solution.estimates, &folds, predicted, &options.cross_validation);
     // The views of objects with too few of them are listed all the same, as not used.
     for (k, estimate) in solution.estimates.iter_mut().enumerate().filter(|(_, estimate)| estimate.views.is_empty()) {
         estimate.views = selection.frames_of(k).map(ViewReport::not_used).collect();

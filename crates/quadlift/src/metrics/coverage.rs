@@ -15,7 +15,7 @@ pub enum RegionPart {
 
 impl RegionPart {
     /// All parts.
-    pub const ALL: [Self; 3] = [Self::Center, Self::Extents, Self::Body];
+    pub(crate) const ALL: [Self; 3] = [Self::Center, Self::Extents, Self::Body];
 
     /// The name in files.
     pub fn name(self) -> &'static str {

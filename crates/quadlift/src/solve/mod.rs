@@ -20,7 +20,7 @@ pub(crate) mod posterior;
 mod validate;
 mod estimator;
 
-pub use closed_form::lfd::{ConditionedSolution, lfd, lfd_from};
+pub use closed_form::lfd::{ConditionedSolution, lfd};
 pub use closed_form::pfd::{ClosedFormError, PfdSolution, pfd};
 pub use closed_form::reg::{RegSolution, reg};
 pub(crate) use closed_form::solve_closed_form;
@@ -32,7 +32,7 @@ pub use estimate::{
 };
 pub use estimator::Estimator;
 pub use learned_size::LearnedCategorySize;
-pub use noise_model::{NOISE_NAMES, NoiseModel, NoiseModelError};
+pub use noise_model::{NoiseModel, NoiseModelError};
 pub(crate) use options::BORDER_MARGIN;
 pub use options::{
     CategoryPrior, CategoryPriors, Method, PoseMotion, PoseNoise, PosteriorOptions, RegOptions, SizePrior,

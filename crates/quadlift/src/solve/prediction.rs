@@ -47,7 +47,7 @@ impl Prediction {
 
     /// Error of each edge `x0, y0, x1, y1` relative to the mean half size `(w + h) / 4` of the measured box: positive
     /// if the predicted box is larger. Absent for edges that are cut off, and without a predicted box.
-    pub fn edge_errors(&self) -> [Option<f64>; 4] {
+    pub(crate) fn edge_errors(&self) -> [Option<f64>; 4] {
         let Some(predicted) = self.predicted else { return [None; 4] };
         let (half_size, measured, predicted) =
             (self.measured.mean_half_size(), self.measured.edges(), predicted.edges());
