@@ -8,7 +8,7 @@ use clap::{Arg, ArgAction, ArgMatches, Args, FromArgMatches};
 use quadlift::online::{ONLINE, OnlineOptions};
 use quadlift::options::{Command, Kind, Spec, Spelling, Value, set_options};
 use quadlift::run::{RUN, RunOptions};
-use quadlift_io::options::levels_of_result;
+use quadlift_io::read_scene_file;
 
 use crate::error::usage;
 
@@ -90,7 +90,9 @@ impl<L: List> Chosen<L> {
         for (name, value) in &mut given {
             let is_levels = rows::<L>().any(|row| row.name == *name && row.kind == Kind::Levels);
             if let Some(path) = value.text().filter(|_| is_levels) {
-                *value = levels_of_result(Path::new(path))?;
+                let path = Path::new(path);
+                let levels = read_scene_file(path)?.noise_levels().map_err(|error| error.in_file(path))?;
+                *value = Value::from(&levels);
             }
         }
         let mut options = L::Options::default();

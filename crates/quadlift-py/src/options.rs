@@ -9,7 +9,7 @@ use quadlift::UnknownName;
 use quadlift::options::{Spelling, Value, set_options};
 use quadlift::run::{RUN, RunOptions};
 use quadlift::solve::CategoryPriors;
-use quadlift_io::coverage::{CoverageRecord, ResultAndTruth, coverage};
+use quadlift_io::coverage::{CoverageRecord, coverage};
 use quadlift_io::options::check_needs_posterior;
 use quadlift_io::priors::check_meters;
 use quadlift_io::run::{FileOptions, PriorSource};
@@ -92,7 +92,7 @@ impl LocalizeKeywords {
             .map(|(result, truth)| [name(result.get(), "result"), name(truth.get(), "truth")])
             .collect();
         let pairs = self.coverage.iter().zip(&names);
-        let pairs: Vec<ResultAndTruth> = pairs
+        let pairs: Vec<[(&Path, &quadlift_io::SceneFile); 2]> = pairs
             .map(|((result, truth), [of_result, of_truth])| {
                 [(&**of_result, &**result.get().loaded.file()), (&**of_truth, &**truth.get().loaded.file())]
             })

@@ -67,7 +67,7 @@ impl MeasurementKind {
     pub(crate) const ALL: [Self; 5] = [Self::Auto, Self::Box, Self::Ellipse, Self::BoxAndEllipse, Self::Mask];
 
     /// The names of all kinds, as [`Display`] writes and [`FromStr`] reads them.
-    pub const NAMES: [&str; 5] = ["auto", "box", "ellipse", "box+ellipse", "mask"];
+    pub(crate) const NAMES: [&str; 5] = ["auto", "box", "ellipse", "box+ellipse", "mask"];
 
     /// The name of the kind.
     pub fn name(self) -> &'static str {
@@ -95,7 +95,7 @@ impl PoseMotion {
     pub(crate) const ALL: [Self; 3] = [Self::Auto, Self::Independent, Self::Slow];
 
     /// The names of all motions, as [`Display`] writes and [`FromStr`] reads them.
-    pub const NAMES: [&str; 3] = ["auto", "independent", "slow"];
+    pub(crate) const NAMES: [&str; 3] = ["auto", "independent", "slow"];
 
     /// The name of the motion.
     pub fn name(self) -> &'static str {

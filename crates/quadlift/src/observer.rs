@@ -86,14 +86,14 @@ impl<'a> Watch<'a> {
     }
 
     /// All steps so far are done.
-    pub fn finish(&self) {
+    pub(crate) fn finish(&self) {
         let total = self.total.load(Ordering::Relaxed);
         self.done.store(total, Ordering::Relaxed);
         self.ask(total);
     }
 
     /// There is more to do than was known.
-    pub fn extend(&self, steps: usize) {
+    pub(crate) fn extend(&self, steps: usize) {
         self.total.fetch_add(steps, Ordering::Relaxed);
     }
 

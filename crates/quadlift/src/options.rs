@@ -142,7 +142,7 @@ impl Kind {
     ///
     /// # Errors
     /// What was expected.
-    pub fn check(&self, value: Value) -> Result<Value, String> {
+    pub(crate) fn check(&self, value: Value) -> Result<Value, String> {
         let fits = match (self, &value) {
             (_, Value::Unset)
             | (Self::Flag, Value::Flag(_))
@@ -208,7 +208,7 @@ impl Value {
     ///
     /// # Errors
     /// What was expected.
-    pub fn count(&self) -> Result<usize, String> {
+    pub(crate) fn count(&self) -> Result<usize, String> {
         let count = self.whole().and_then(|n| usize::try_from(n).ok());
         count.ok_or_else(|| format!("expected {}", Kind::Whole(0).expected()))
     }

@@ -100,14 +100,9 @@ impl StreamedScene {
         (about, frames, given, unnamed)
     }
 
-    /// The world unit.
-    pub fn length_unit(&self) -> Option<&str> {
-        self.about.length_unit.as_deref()
-    }
-
-    /// The world direction against gravity, of any length.
-    pub fn up(&self) -> Option<[f64; 3]> {
-        self.about.up
+    /// What lines said of the scene, without its cameras.
+    pub fn about(&self) -> &AboutRecord {
+        &self.about
     }
 
     /// Takes in what a line says of the scene. Cameras of the same id must be the same.

@@ -13,8 +13,7 @@ use serde_json::{Map, Value};
 use super::line::AboutRecord;
 use super::options::{StoredPriors, options_of};
 use super::scene::StreamedScene;
-use crate::atomic::write_file;
-use crate::error::{ReadError, WriteError};
+use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::priors::{builtin_priors, parse_priors, read_priors};
 use crate::scene_file::{CameraRecord, FrameRecord};
@@ -52,20 +51,13 @@ struct StateRecord {
     map: MapState,
 }
 
-/// Writes a state to a file as a whole or not at all. `options` are those that the result depends on ([`lasting_options`]).
-///
-/// # Errors
-/// [`WriteError`] when the system refuses.
-///
-/// [`lasting_options`]: super::lasting_options
-pub fn write_state_file(path: &Path, state: &StreamState, options: &Map<String, Value>) -> Result<(), WriteError> {
-    write_file(path, |out| write_state(out, state, options))
-}
-
-/// Writes a state, as [`write_state_file`] does.
+/// Writes a state; [`crate::write_file`] does it as a whole or not at all. `options` are those that the result depends on
+/// ([`lasting_options`]).
 ///
 /// # Errors
 /// Those of `out`.
+///
+/// [`lasting_options`]: super::lasting_options
 pub fn write_state(
     out: &mut (impl Write + ?Sized),
     state: &StreamState,

@@ -187,7 +187,7 @@ impl Correction {
 
     /// The corrected box of a camera with these (correct) intrinsics and image size in pixels; `None` if it is not a
     /// valid box.
-    pub fn bounding_box(
+    pub(crate) fn bounding_box(
         &self,
         b: &BoundingBox,
         intrinsics: &Intrinsics,

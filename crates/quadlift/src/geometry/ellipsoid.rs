@@ -61,7 +61,8 @@ impl Ellipsoid {
     }
 
     /// The dual quadric `Q* = [[A - t t^T, -t], [-t^T, -1]]`.
-    pub fn dual_quadric(&self) -> DualQuadric {
+    #[cfg(test)]
+    pub(crate) fn dual_quadric(&self) -> DualQuadric {
         DualQuadric::from_center_and_shape(&self.center, &self.shape())
     }
 
@@ -102,6 +103,7 @@ impl DualQuadric {
     }
 
     /// The dual quadric with center `t` and shape `A`, scaled so that its last entry is -1.
+    #[cfg(test)]
     pub(crate) fn from_center_and_shape(center: &Point3<f64>, shape: &Matrix3<f64>) -> Self {
         let t = center.coords;
         let mut matrix = Matrix4::zeros();

@@ -27,7 +27,7 @@ impl RegionPart {
     }
 
     /// The squared distance of this part.
-    pub fn of(self, errors: &SquaredErrors) -> f64 {
+    pub(crate) fn of(self, errors: &SquaredErrors) -> f64 {
         match self {
             Self::Center => errors.center,
             Self::Extents => errors.extents,

@@ -24,7 +24,7 @@ impl AssociateWhen {
     /// All values, in the order of their names.
     pub(crate) const ALL: [Self; 3] = [Self::Auto, Self::Never, Self::Always];
     /// The names of all values, as [`Display`] writes and [`FromStr`] reads them.
-    pub const NAMES: [&str; 3] = ["auto", "never", "always"];
+    pub(crate) const NAMES: [&str; 3] = ["auto", "never", "always"];
 
     /// The name of the value.
     pub fn name(self) -> &'static str {

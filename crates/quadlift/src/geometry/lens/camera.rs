@@ -70,7 +70,7 @@ impl Camera {
     }
 
     /// The parameters in COLMAP's order.
-    pub fn params(&self) -> &[f64] {
+    pub(crate) fn params(&self) -> &[f64] {
         &self.params[..self.model.parameter_names().len()]
     }
 
