@@ -31,7 +31,7 @@ pub struct Context {
 
 impl Context {
     /// The context of a scene file.
-    pub fn of(file: &SceneFile, frame_offset: i64) -> Self {
+    pub(crate) fn of(file: &SceneFile, frame_offset: i64) -> Self {
         let sizes = file.image_sizes();
         let first = sizes.first().copied().flatten();
         Self {

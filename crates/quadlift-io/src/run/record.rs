@@ -205,7 +205,7 @@ pub struct SkippedRecord {
 
 impl RunRecord {
     /// The record of a run.
-    pub fn of(run: &FileRun) -> Self {
+    pub(crate) fn of(run: &FileRun) -> Self {
         let (scene, found) = (run.input.scene(), run.localization());
         Self {
             association: run.run.association.as_ref().map(|association| AssociationRecord::of(scene, association)),

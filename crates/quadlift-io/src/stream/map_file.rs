@@ -25,7 +25,7 @@ pub struct MapMemory {
 
 impl MapMemory {
     /// What a map knows now.
-    pub fn of(map: &ObjectMap) -> Self {
+    pub(crate) fn of(map: &ObjectMap) -> Self {
         let last = map.last_frame();
         Self {
             objects: map.objects().collect(),
