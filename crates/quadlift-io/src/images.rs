@@ -30,7 +30,7 @@ pub fn set_max_pixels(pixels: u64) {
 }
 
 /// The maximum number of pixels of an image or mask ([`set_max_pixels`]).
-pub fn max_pixels() -> u64 {
+pub(crate) fn max_pixels() -> u64 {
     MAX_PIXELS.load(Ordering::Relaxed)
 }
 

@@ -21,7 +21,7 @@ mod coverage;
 pub use association::{ClusteringScore, ObjectDetectionScore, pairwise_clustering_scores, score_found};
 pub use axes::{axis_error, center_error};
 pub use coverage::{Coverage, RegionPart};
-pub use evaluate::{evaluate, evaluate_by_overlap};
+pub use evaluate::evaluate;
 pub use iou_bodies::iou3d_bodies;
 pub use iou_ellipses::ellipse_iou;
 pub use iou_ellipsoids::iou3d_ellipsoids;

@@ -23,8 +23,9 @@ pub use parts::{Detection, Frame, RigCamera, SceneParts, Undistorted};
 pub use points::{PointObservation, TrackedPoint};
 pub use skipped::SkippedDetections;
 pub use sources::SourceError;
+pub(crate) use views::ObjectViews;
 pub(crate) use views::{BORDER_TOLERANCE_PX, edges_at_border};
-pub use views::{DepthScale, ObjectViews, View};
+pub use views::{DepthScale, View};
 
 use std::ops::Deref;
 

@@ -151,7 +151,7 @@ impl View {
 
 /// All views of one object, with its names.
 #[derive(Debug, Clone, Default)]
-pub struct ObjectViews {
+pub(crate) struct ObjectViews {
     /// Index into [`crate::scene::SceneParts::object_ids`].
     pub object_index: usize,
     /// Index into [`crate::scene::SceneParts::categories`]: the most frequent category of its detections, the first one
