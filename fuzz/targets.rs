@@ -352,7 +352,7 @@ fn localize(data: &[u8]) -> bool {
         map.body = kinds[usize::from(*body) % kinds.len()];
     }
     let Some(found) = localized(file, options) else { return false };
-    for estimate in &found.localization().estimates {
+    for estimate in &found.run.localization.estimates {
         let center = estimate.center.iter().flat_map(|center| center.iter()).all(|x| x.is_finite());
         assert!(center, "{estimate:?}");
         assert!(estimate.status != Status::Ok || estimate.body.is_some(), "{estimate:?}");

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use quadlift::cross_validation::Extent;
 use quadlift::geometry::BodyKind;
-use quadlift::metrics::{TruthObject, evaluate};
+use quadlift::metrics::{PairedBy, TruthObject, evaluate};
 use quadlift::scene::{Scene, SceneError};
 use quadlift::solve::{Method, PosteriorOptions};
 use quadlift::{LocalizeOptions, localize};
@@ -132,7 +132,7 @@ fn pairs(set: &Set, scene: &TrueScene, source: &str, views: Option<usize>) -> Re
         let estimate = &localization.estimates[object.estimate_index];
         let id = &scene.scene.object_ids[estimate.object_index];
         let truth: Vec<TruthObject> = scene.truth.iter().filter(|truth| truth.id == *id).cloned().collect();
-        let scores = evaluate(&estimated, &truth, &[]).objects;
+        let scores = evaluate(&estimated, &truth, &[], PairedBy::Ids).objects;
         let sizes: Vec<f64> = object.predictions.iter().map(|p| p.measured.mean_half_size()).collect();
         let deviation =
             estimate.center_sd().zip(estimate.ellipsoid()).map(|(sd, e)| -sd / e.semi_axes.product().cbrt());

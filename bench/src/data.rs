@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use quadlift::metrics::{EstimatedObject, ObjectScore, TruthObject, evaluate};
+use quadlift::metrics::{EstimatedObject, ObjectScore, PairedBy, TruthObject, evaluate};
 use quadlift::scene::Scene;
 use quadlift::{Localization, LocalizeOptions, localize};
 use quadlift_io::{SceneFile, read_scene_file};
@@ -76,7 +76,7 @@ impl TrueScene {
             estimate.is_some_and(|estimate| estimate.views.len() >= MIN_VIEWS)
         };
         let truth: Vec<TruthObject> = self.truth.iter().filter(|object| seen(&object.id)).cloned().collect();
-        evaluate(&estimated_objects(&self.scene, localization), &truth, &[]).objects
+        evaluate(&estimated_objects(&self.scene, localization), &truth, &[], PairedBy::Ids).objects
     }
 }
 

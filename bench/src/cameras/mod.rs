@@ -6,6 +6,7 @@ pub(crate) mod calibration;
 mod centers;
 mod eight_point;
 pub(crate) mod images;
+mod point_pairs;
 mod p3p;
 mod real;
 mod refinement;

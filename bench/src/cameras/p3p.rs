@@ -3,6 +3,8 @@
 
 use quadlift::nalgebra::{Matrix3, Matrix4, Vector3};
 
+use super::point_pairs::similarity_of_points;
+
 /// A camera: rotation and translation from the world.
 pub(super) type Pose = (Matrix3<f64>, Vector3<f64>);
 
@@ -36,8 +38,9 @@ pub(super) fn p3p(directions: &[Vector3<f64>; 3], points: &[Vector3<f64>; 3]) ->
         let first = (b / (1.0 + v * v - 2.0 * v * cos_b)).sqrt();
         let depths = [first, u * first, v * first];
         if depths.iter().all(|depth| depth.is_finite() && *depth > 0.0) {
-            let in_camera = std::array::from_fn(|k| directions[k] * depths[k]);
-            poses.extend(absolute(&in_camera, points));
+            let pairs: [_; 3] = std::array::from_fn(|k| (directions[k] * depths[k], points[k]));
+            let motion = similarity_of_points(&pairs, Some(1.0));
+            poses.extend(motion.map(|motion| (*motion.rotation.matrix(), motion.translation)));
         }
     }
     poses
@@ -59,18 +62,6 @@ fn real_roots(coefficients: &[f64; 5]) -> Vec<f64> {
     }
     let values = companion.complex_eigenvalues();
     values.iter().filter(|x| x.im.abs() <= REAL * x.re.abs()).map(|x| x.re).collect()
-}
-
-/// The motion that takes points of the world to points of the camera (Kabsch).
-fn absolute(in_camera: &[Vector3<f64>; 3], in_world: &[Vector3<f64>; 3]) -> Option<Pose> {
-    let mean = |points: &[Vector3<f64>; 3]| (points[0] + points[1] + points[2]) / 3.0;
-    let (camera, world) = (mean(in_camera), mean(in_world));
-    let spread: Matrix3<f64> = (0..3).map(|k| (in_camera[k] - camera) * (in_world[k] - world).transpose()).sum();
-    let svd = spread.svd(true, true);
-    let (u, v_t) = (svd.u?, svd.v_t?);
-    let sign = (u * v_t).determinant().signum();
-    let rotation = u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t;
-    Some((rotation, camera - rotation * world))
 }
 
 #[cfg(test)]

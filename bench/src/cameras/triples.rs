@@ -4,10 +4,12 @@ use std::collections::BTreeSet;
 
 use quadlift::align::MapObject;
 use quadlift::geometry::Similarity;
-use quadlift::nalgebra::{Matrix3, Rotation3, Vector3};
+use quadlift::nalgebra::Vector3;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+
+use super::point_pairs::similarity_of_points;
 
 /// Draws of three objects of A with one of their categories of B each.
 const DRAWS: usize = 2000;
@@ -46,7 +48,7 @@ pub(super) fn align_by_centers(a: &[MapObject], b: &[MapObject], scale: Option<f
     };
     let fitted = |pairs: &[(usize, usize)]| {
         let points: Vec<_> = pairs.iter().map(|&(i, j)| (of_a[i], of_b[j])).collect();
-        umeyama(&points, scale)
+        similarity_of_points(&points, scale)
     };
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut best: Vec<(usize, usize)> = Vec::new();
@@ -66,21 +68,4 @@ pub(super) fn align_by_centers(a: &[MapObject], b: &[MapObject], scale: Option<f
         }
     }
     if best.len() < FEWEST { None } else { fitted(&best) }
-}
-
-/// The least squares of centers (Umeyama 1991).
-fn umeyama(points: &[(Vector3<f64>, Vector3<f64>)], scale: Option<f64>) -> Option<Similarity> {
-    let count = points.len() as f64;
-    let a = points.iter().fold(Vector3::zeros(), |sum, p| sum + p.0 / count);
-    let b = points.iter().fold(Vector3::zeros(), |sum, p| sum + p.1 / count);
-    let moment =
-        points.iter().fold(Matrix3::zeros(), |sum: Matrix3<f64>, p| sum + (p.0 - a) * (p.1 - b).transpose() / count);
-    let spread: f64 = points.iter().map(|p| (p.1 - b).norm_squared() / count).sum();
-    let svd = moment.svd(true, true);
-    let (u, v_t) = (svd.u?, svd.v_t?);
-    let signs = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant().signum()));
-    let rotation = Rotation3::from_matrix_unchecked(u * signs * v_t);
-    let scale = scale.unwrap_or((Matrix3::from_diagonal(&svd.singular_values) * signs).trace() / spread);
-    let found = Similarity { scale, rotation, translation: a - rotation * b * scale };
-    found.is_valid().then_some(found)
 }

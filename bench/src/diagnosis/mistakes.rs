@@ -215,5 +215,5 @@ pub(super) fn bodies(scene: &Scene) -> HashMap<String, Body> {
     options.method = Method::Posterior(PosteriorOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() });
     let Ok(localization) = localize(scene, &options) else { return HashMap::new() };
     let named = |e: quadlift::solve::Estimate| Some((scene.object_ids[e.object_index].clone(), e.body?));
-    localization.estimates.into_iter().filter_map(named).collect()
+    localization.solution.estimates.into_iter().filter_map(named).collect()
 }

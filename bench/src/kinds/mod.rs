@@ -143,7 +143,7 @@ fn ious(synthetic: &SyntheticScene, row: &Row, seed: u64) -> Result<Vec<f64>, Er
         Row::Median => (0..synthetic.truth.len()).map(|object| median_of_boxes(scene, object as u32)).collect(),
         Row::Posterior(map) => {
             let options = LocalizeOptions { allow_inconsistent: true, seed, ..LocalizeOptions::from((**map).clone()) };
-            let estimates = localize(scene, &options)?.estimates;
+            let estimates = localize(scene, &options)?.solution.estimates;
             let of_object = |object| estimates.iter().find(|e| e.object_index == object).and_then(|e| e.body);
             (0..synthetic.truth.len()).map(of_object).collect()
         }

@@ -8,7 +8,7 @@ use image::{Rgb, RgbImage};
 use nalgebra::Vector2;
 use quadlift::geometry::Ellipse;
 use quadlift::scene::Scene;
-use quadlift_io::file_names::FileNames;
+use quadlift_io::file_names::file_names;
 use quadlift_io::segmentation::{Found, Segmentation};
 use quadlift_io::write_png;
 use quadlift_report::{Label, write_labels};
@@ -50,7 +50,7 @@ const GIVEN_UP: Rgb<u8> = Rgb([220, 30, 30]);
 pub(crate) fn write_sheets(segmentation: &Segmentation, scene: &Scene, folder: &Path) -> anyhow::Result<()> {
     let frame = |detection: usize| scene.frames[scene.detections[detection].frame_index as usize].id.as_str();
     let ids = segmentation.groups.iter().map(|group| group.object.as_deref().unwrap_or("without_object"));
-    for (group, name) in segmentation.groups.iter().zip(FileNames::new(ids).iter()) {
+    for (group, name) in segmentation.groups.iter().zip(&file_names(ids)) {
         let views: Vec<_> = group
             .detections
             .iter()

@@ -305,6 +305,7 @@ fn reason(status: Status, method: &Method, min_views: usize) -> Option<String> {
 mod tests {
     use super::*;
     use quadlift::scene::SceneParts;
+    use quadlift::solve::SceneSolution;
 
     #[test]
     fn a_table_has_forty_rows_at_most() {
@@ -312,7 +313,8 @@ mod tests {
         let object_ids = (0..count).map(|k| format!("thing{k}")).collect();
         let scene = Scene::from_parts(SceneParts { object_ids, ..Default::default() }).unwrap();
         let estimates = (0..count).map(|k| Estimate::failed(k, None, Status::Inconsistent)).collect();
-        let localization = Localization { estimates, ..Default::default() };
+        let localization =
+            Localization { solution: SceneSolution { estimates, ..Default::default() }, ..Default::default() };
         let text = render(&scene, &localization, &FileOptions::default());
         let is_row = |line: &&str| line.starts_with("thing");
         assert_eq!(text.lines().filter(is_row).count(), MAX_ROWS);

@@ -8,10 +8,8 @@ use clap::{Arg, ArgAction, ArgMatches, Args, FromArgMatches};
 use quadlift::association::AssociateOptions;
 use quadlift::online::OnlineOptions;
 use quadlift::run::RunOptions;
-use quadlift_io::options::{
-    ASSOCIATION, Command, Kind, MAP, RUN, Spec, Spelling, Value, levels_of_result, set_options,
-};
-
+use quadlift_io::options::{ASSOCIATION, Command, Kind, MAP, RUN, Spec, Spelling, Value, set_options};
+use quadlift_io::read_scene_file;
 use quadlift_io::segmentation::{SEGMENTATION, Settings};
 
 use crate::error::usage;
@@ -128,7 +126,9 @@ impl<L: List> Chosen<L> {
         for (name, value) in &mut given {
             let is_levels = rows::<L>().any(|row| row.name == *name && row.kind == Kind::Levels);
             if let Some(path) = value.text().filter(|_| is_levels) {
-                *value = levels_of_result(Path::new(path))?;
+                let path = Path::new(path);
+                let levels = read_scene_file(path)?.noise_levels().map_err(|error| error.in_file(path))?;
+                *value = Value::from(&levels);
             }
         }
         let mut options = L::Options::default();

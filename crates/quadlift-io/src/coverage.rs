@@ -10,15 +10,12 @@ use serde::{Deserialize, Serialize};
 use crate::error::{EntryError, ReadError};
 use crate::scene_file::{ObjectBodies, SceneFile};
 
-/// A result and the scene with its ground truth, with their paths.
-pub type ResultAndTruth<'a> = [(&'a Path, &'a SceneFile); 2];
-
-/// Calibrates regions on the objects of results whose truth is known; estimates and true objects are paired by their ids.
+/// Calibrates regions on the objects of results with their ground truth, each with its path; estimates and true objects are paired by their ids.
 /// Only estimates that are `ok` and have a covariance count.
 ///
 /// # Errors
 /// [`ReadError`] when a file is wrong, or a result shares no such object with its truth.
-pub fn coverage(pairs: &[ResultAndTruth]) -> Result<Coverage, ReadError> {
+pub fn coverage(pairs: &[[(&Path, &SceneFile); 2]]) -> Result<Coverage, ReadError> {
     let mut errors = Vec::new();
     for [(result_path, result), (truth_path, truth)] in pairs {
         let estimates = result.to_objects().map_err(|error| error.in_file(result_path))?;

@@ -31,7 +31,7 @@ pub struct Context {
 
 impl Context {
     /// The context of a scene file.
-    pub fn of(file: &SceneFile, frame_offset: i64) -> Self {
+    pub(crate) fn of(file: &SceneFile, frame_offset: i64) -> Self {
         let sizes = file.image_sizes();
         let first = sizes.first().copied().flatten();
         Self {
@@ -61,7 +61,7 @@ impl Context {
     }
 
     /// The option that corrects a cause, if there is one.
-    pub fn option(&self, cause: &Cause) -> Option<String> {
+    pub(crate) fn option(&self, cause: &Cause) -> Option<String> {
         match cause.correction {
             Some(Correction::FocalFactor(factor)) if self.focal_factor > 0.0 => {
                 Some(option_of(&Correction::FocalFactor(factor * self.focal_factor), None, 0))
@@ -77,7 +77,7 @@ impl Context {
     }
 
     /// The correction of the scene's records for a cause, if there is one.
-    pub fn correction(&self, cause: &Cause) -> Option<RecordCorrection> {
+    pub(crate) fn correction(&self, cause: &Cause) -> Option<RecordCorrection> {
         Some(RecordCorrection::of(&cause.correction?, self.image_size))
     }
 }

@@ -5,28 +5,18 @@ use std::collections::HashSet;
 /// Longest name in characters, of four bytes each at most; systems take 255 bytes with the ending.
 const LONGEST: usize = 55;
 
-/// One name for each id, all different also where capital letters do not count, of letters, digits, `-`, `_` and `.`.
-#[derive(Debug)]
-pub struct FileNames(Vec<String>);
-
-impl FileNames {
-    /// The names of these ids, in their order; an id that is a plain name already keeps it.
-    pub fn new<'a>(ids: impl IntoIterator<Item = &'a str>) -> Self {
-        let mut taken = HashSet::new();
-        let name = |id: &'a str| {
-            let plain = plain(id);
-            let numbered = (2u64..).map(|number| format!("{plain}_{number}"));
-            let mut candidates = std::iter::once(plain.clone()).chain(numbered);
-            // There are more numbers than ids.
-            candidates.find(|name| taken.insert(name.to_lowercase())).unwrap_or(plain.clone())
-        };
-        Self(ids.into_iter().map(name).collect())
-    }
-
-    /// The names in the order of the ids.
-    pub fn iter(&self) -> impl Iterator<Item = &str> {
-        self.0.iter().map(String::as_str)
-    }
+/// One name for each id, in their order, all different also where capital letters do not count, of letters, digits, `-`, `_` and `.`.
+/// An id that is a plain name already keeps it.
+pub fn file_names<'a>(ids: impl IntoIterator<Item = &'a str>) -> Vec<String> {
+    let mut taken = HashSet::new();
+    let name = |id: &'a str| {
+        let plain = plain(id);
+        let numbered = (2u64..).map(|number| format!("{plain}_{number}"));
+        let mut candidates = std::iter::once(plain.clone()).chain(numbered);
+        // There are more numbers than ids.
+        candidates.find(|name| taken.insert(name.to_lowercase())).unwrap_or(plain.clone())
+    };
+    ids.into_iter().map(name).collect()
 }
 
 /// The id with `_` in place of all signs that may mean something to a system.
@@ -48,10 +38,9 @@ mod tests {
     #[test]
     fn names_are_plain_and_different() {
         let ids = ["000001", "a/b", "a_b", "A_B", "../x", "", "..", "cup 1", "杯"];
-        let names: Vec<String> = FileNames::new(ids).iter().map(str::to_owned).collect();
-        assert_eq!(names, ["000001", "a_b", "a_b_2", "A_B_3", "_._x", "_", "_.", "cup_1", "杯"]);
+        assert_eq!(file_names(ids), ["000001", "a_b", "a_b_2", "A_B_3", "_._x", "_", "_.", "cup_1", "杯"]);
         let long = "x".repeat(300);
-        let names = FileNames::new([long.as_str(), &long]);
-        assert_eq!(names.iter().map(str::len).collect::<Vec<_>>(), [55, 57]);
+        let names = file_names([long.as_str(), &long]);
+        assert_eq!(names.iter().map(String::len).collect::<Vec<_>>(), [55, 57]);
     }
 }

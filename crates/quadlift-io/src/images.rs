@@ -8,9 +8,11 @@ mod left_out;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 #[cfg(feature = "images")]
+pub(crate) use codecs::read_image_size;
+#[cfg(feature = "images")]
 pub(crate) use codecs::{read_depth_image_of_size, read_image_of_size, read_label_image_of_size};
 #[cfg(feature = "images")]
-pub use codecs::{read_image, read_image_size, read_label_image, write_label_image, write_png};
+pub use codecs::{read_image, read_label_image, write_label_image, write_png};
 #[cfg(not(feature = "images"))]
 pub(crate) use left_out::{
     read_depth_image_of_size, read_image_of_size, read_image_size, read_label_image_of_size, write_label_image,
@@ -28,7 +30,7 @@ pub fn set_max_pixels(pixels: u64) {
 }
 
 /// The maximum number of pixels of an image or mask ([`set_max_pixels`]).
-pub fn max_pixels() -> u64 {
+pub(crate) fn max_pixels() -> u64 {
     MAX_PIXELS.load(Ordering::Relaxed)
 }
 

@@ -54,7 +54,7 @@ pub use atomic::{write_file, write_folder};
 pub use destination::is_standard_output;
 pub use error::{EntryError, ReadError, WriteError, escape};
 #[cfg(feature = "images")]
-pub use images::{read_image, read_image_size, read_label_image, write_label_image, write_png};
+pub use images::{read_image, read_label_image, write_label_image, write_png};
 pub use priors::{builtin_priors, read_priors};
 pub use scene_file::{SceneFile, estimates_to_objects, read_scene_file, write_scene_file};
 pub use temporary::remove_temporary_files;

@@ -17,7 +17,7 @@ pub struct Problem {
 
 impl Problem {
     /// The problem in one line, with the detections and their objects.
-    pub fn in_words(&self, scene: &Scene) -> String {
+    pub(crate) fn in_words(&self, scene: &Scene) -> String {
         let name = |&index: &usize| match scene.detections[index].object_index {
             Some(object) => format!("detections[{index}] ({})", scene.object_ids[object as usize]),
             None => format!("detections[{index}]"),
@@ -37,7 +37,7 @@ pub struct Problems {
 
 impl Problems {
     /// Adds detections to the problem with a message; returns its index.
-    pub fn add(&mut self, message: String, detections: &[usize]) -> usize {
+    pub(crate) fn add(&mut self, message: String, detections: &[usize]) -> usize {
         let index = *self.by_message.entry(message.clone()).or_insert_with(|| {
             self.list.push(Problem { message, detections: Vec::new() });
             self.list.len() - 1
@@ -47,7 +47,7 @@ impl Problems {
     }
 
     /// All of them.
-    pub fn list(&self) -> &[Problem] {
+    pub(crate) fn list(&self) -> &[Problem] {
         &self.list
     }
 

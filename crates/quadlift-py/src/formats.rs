@@ -175,7 +175,7 @@ pub(crate) fn export(loaded: &Loaded, format: &str, output: &Path, given: &Given
             if checked.bodies() == 0 {
                 return Err(refuse("no object has a body: there is nothing to export"));
             }
-            without_body = checked.without_body().to_vec();
+            without_body = checked.without_body.clone();
             vec![(output.to_owned(), write(&checked, &options).map_err(refuse)?)]
         }
         Writer::Tables(write) => {

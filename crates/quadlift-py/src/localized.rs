@@ -70,7 +70,7 @@ impl PyLocalized {
     }
 
     fn localization(&self) -> &Localization {
-        self.run.localization()
+        &self.run.run.localization
     }
 
     fn association(&self) -> Option<&Association> {

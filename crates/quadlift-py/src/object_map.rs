@@ -15,9 +15,9 @@ use quadlift_io::run::FileInput;
 use quadlift_io::scene_file::FrameRecord;
 use quadlift_io::stream::{
     AboutRecord, CameraOfFrame, FrameLine, OutputLine, PoseRecord, StoredPriors, StoredStream, StreamState,
-    StreamedScene, lasting_options, parse_stored_stream, read_stored_stream, write_state, write_state_file,
+    StreamedScene, lasting_options, parse_stored_stream, read_stored_stream, write_state,
 };
-use quadlift_io::{EntryError, SceneFile};
+use quadlift_io::{EntryError, SceneFile, write_file};
 use serde_json::{Map, Value};
 
 use crate::detections::DetectionArrays;
@@ -217,7 +217,9 @@ impl PyObjectMap {
 
     /// Writes the state.
     fn save(&self, py: Python, path: PathBuf) -> PyResult<()> {
-        self.with(py, |stream| write_state_file(&path, stream, &self.options).map_err(|error| error.to_string()))
+        self.with(py, |stream| {
+            write_file(&path, |out| write_state(out, stream, &self.options)).map_err(|error| error.to_string())
+        })
     }
 
     /// The state as bytes.
@@ -343,7 +345,8 @@ impl PyObjectMap {
 
     /// What has changed for a viewer since the last call, as JSON.
     fn live(&self, py: Python) -> PyResult<String> {
-        let record = self.with_live(py, |State { stream, live }| Ok(live.take(&stream.map, stream.scene.up())))?;
+        let record =
+            self.with_live(py, |State { stream, live }| Ok(live.take(&stream.map, stream.scene.about().up)))?;
         serde_json::to_string(&record).map_err(refuse)
     }
 
@@ -398,7 +401,7 @@ impl PyObjectMap {
 
     #[getter]
     fn length_unit(&self, py: Python) -> PyResult<Option<String>> {
-        self.with(py, |stream| Ok(stream.scene.length_unit().map(str::to_owned)))
+        self.with(py, |stream| Ok(stream.scene.about().length_unit.clone()))
     }
 }
 

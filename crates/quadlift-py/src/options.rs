@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
 use quadlift::solve::CategoryPriors;
-use quadlift_io::coverage::{CoverageRecord, ResultAndTruth, coverage};
+use quadlift_io::coverage::{CoverageRecord, coverage};
 use quadlift_io::options::{RUN, Spec, Spelling, Value, check_needs_posterior, set_options};
 use quadlift_io::priors::check_meters;
 use quadlift_io::run::{FileOptions, PriorSource};
@@ -96,7 +96,7 @@ impl LocalizeKeywords {
             .map(|(result, truth)| [name(result.get(), "result"), name(truth.get(), "truth")])
             .collect();
         let pairs = self.coverage.iter().zip(&names);
-        let pairs: Vec<ResultAndTruth> = pairs
+        let pairs: Vec<[(&Path, &quadlift_io::SceneFile); 2]> = pairs
             .map(|((result, truth), [of_result, of_truth])| {
                 [(&**of_result, &**result.get().loaded.file()), (&**of_truth, &**truth.get().loaded.file())]
             })

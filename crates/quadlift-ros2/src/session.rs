@@ -8,10 +8,9 @@ use quadlift::scene;
 use quadlift_io::mcap::{LiveFrames, Next};
 use quadlift_io::scene_file::CameraRecord;
 use quadlift_io::stream::{
-    AboutRecord, FrameLine, LineError, OutputLine, StreamState, inconsistency_in_words, read_state_file,
-    write_state_file,
+    AboutRecord, FrameLine, LineError, OutputLine, StreamState, inconsistency_in_words, read_state_file, write_state,
 };
-use quadlift_io::write_scene_file;
+use quadlift_io::{write_file, write_scene_file};
 
 use crate::arguments::Level;
 use crate::bytes::Bytes;
@@ -252,7 +251,8 @@ impl Session {
         let files = self.options.files.clone();
         let mut written = Vec::new();
         if let Some(path) = &files.state {
-            write_state_file(path, &self.stream, &self.options.lasting).map_err(|error| error.to_string())?;
+            write_file(path, |out| write_state(out, &self.stream, &self.options.lasting))
+                .map_err(|error| error.to_string())?;
             written.push(path.display().to_string());
         }
         if let Some(path) = &files.map {

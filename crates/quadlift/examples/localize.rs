@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     let scene = builder.build();
 
-    for estimate in localize(&scene, &LocalizeOptions::default())?.estimates {
+    for estimate in &localize(&scene, &LocalizeOptions::default())?.estimates {
         let id = &scene.object_ids[estimate.object_index];
         let ellipsoid = estimate.ellipsoid().ok_or_else(|| format!("{id}: {}", estimate.status.name()))?;
         let (center, semi_axes) = (ellipsoid.center.coords, ellipsoid.semi_axes);

@@ -64,7 +64,7 @@ impl FromStr for Method {
 
 impl MeasurementKind {
     /// All kinds, in the order of their names.
-    pub const ALL: [Self; 5] = [Self::Auto, Self::Box, Self::Ellipse, Self::BoxAndEllipse, Self::Mask];
+    pub(crate) const ALL: [Self; 5] = [Self::Auto, Self::Box, Self::Ellipse, Self::BoxAndEllipse, Self::Mask];
 
     /// The names of all kinds, as [`Display`] writes and [`FromStr`] reads them.
     pub const NAMES: [&str; 5] = ["auto", "box", "ellipse", "box+ellipse", "mask"];
@@ -92,7 +92,7 @@ impl FromStr for MeasurementKind {
 
 impl PoseMotion {
     /// All motions, in the order of their names.
-    pub const ALL: [Self; 3] = [Self::Auto, Self::Independent, Self::Slow];
+    pub(crate) const ALL: [Self; 3] = [Self::Auto, Self::Independent, Self::Slow];
 
     /// The names of all motions, as [`Display`] writes and [`FromStr`] reads them.
     pub const NAMES: [&str; 3] = ["auto", "independent", "slow"];
@@ -120,7 +120,7 @@ impl FromStr for PoseMotion {
 
 impl IdPolicy {
     /// All values, in the order of their names.
-    pub const ALL: [Self; 3] = [Self::Trust, Self::Evidence, Self::Ignore];
+    pub(crate) const ALL: [Self; 3] = [Self::Trust, Self::Evidence, Self::Ignore];
     /// The names of all values, as [`Display`] writes and [`FromStr`] reads them.
     pub const NAMES: [&str; 3] = ["trust", "evidence", "ignore"];
 

@@ -86,25 +86,25 @@ impl<'a> Watch<'a> {
     }
 
     /// All steps so far are done.
-    pub fn finish(&self) {
+    pub(crate) fn finish(&self) {
         let total = self.total.load(Ordering::Relaxed);
         self.done.store(total, Ordering::Relaxed);
         self.ask(total);
     }
 
     /// There is more to do than was known.
-    pub fn extend(&self, steps: usize) {
+    pub(crate) fn extend(&self, steps: usize) {
         self.total.fetch_add(steps, Ordering::Relaxed);
     }
 
     /// Asks the observer whether to go on.
-    pub fn poll(&self) {
+    pub(crate) fn poll(&self) {
         self.ask(self.done.load(Ordering::Relaxed));
     }
 
     /// Whether to stop before the item with this index, of many that are done in parallel: the observer is asked at one of
     /// sixteen.
-    pub fn stops_before(&self, index: usize) -> bool {
+    pub(crate) fn stops_before(&self, index: usize) -> bool {
         if index.is_multiple_of(16) {
             self.poll();
         }

@@ -117,8 +117,8 @@ fn export(writer: &Writer, common: &Common, options: &WriteOptions, out: &Output
                 bail!("{}: no object has a body: there is nothing to export", scene.display());
             }
             let labels = Labels::of_file(&file);
-            let outcome = finish(out, &[write(&checked, options)?], &paths, Some((checked.without_body(), &labels)))?;
-            out.report(&note("with another status than ok", checked.not_ok(), &labels))?;
+            let outcome = finish(out, &[write(&checked, options)?], &paths, Some((&checked.without_body, &labels)))?;
+            out.report(&note("with another status than ok", &checked.not_ok, &labels))?;
             Ok(outcome)
         }
         Writer::Tables(write) => {

@@ -1,5 +1,6 @@
 //! `quadlift stream`: an object map that is updated frame by frame.
 
+mod lines;
 mod map_file;
 mod rerun;
 mod source;

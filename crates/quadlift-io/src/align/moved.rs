@@ -21,7 +21,7 @@ impl SceneFile {
     ///
     /// # Errors
     /// [`EntryError`] names the first projection that cannot be moved.
-    pub fn move_by(&mut self, to: &Similarity) -> Result<(), EntryError> {
+    pub(crate) fn move_by(&mut self, to: &Similarity) -> Result<(), EntryError> {
         for frame in &mut self.frames {
             frame.extra.remove(LOCATION);
             let given = |frame: &serde_json::Map<String, Value>, key: &str| -> Option<Matrix3x4<f64>> {

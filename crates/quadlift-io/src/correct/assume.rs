@@ -27,7 +27,7 @@ pub const POSES: [(&str, Correction); 13] = [
 ];
 
 /// The values of `boxes`: what the four numbers of a box are.
-pub const BOXES: [(&str, Option<BoxFormat>); 8] = [
+const BOXES: [(&str, Option<BoxFormat>); 8] = [
     ("xyxy", None),
     ("xywh", Some(BoxFormat::SizeReadAsCorners)),
     ("cxcywh", Some(BoxFormat::CenterSizeReadAsCorners)),

@@ -30,7 +30,7 @@ impl RecordCorrection {
 impl RecordCorrection {
     /// The correction of one of the common mistakes in a scene with one image size, in pixels, if known. Image sizes
     /// from the consistency check are rounded: to a common width if one is near, otherwise to whole pixels.
-    pub fn of(correction: &Correction, image_size: Option<[f64; 2]>) -> Self {
+    pub(crate) fn of(correction: &Correction, image_size: Option<[f64; 2]>) -> Self {
         match (*correction, image_size) {
             (Correction::ImageScale(factor), Some([width, height])) => {
                 let measured = usual_width(width / factor);

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use quadlift::geometry::{Ellipsoid, Projection};
 use quadlift::metrics::{
-    EstimatedObject, Evaluation, ObjectDetectionScore, TruthObject, evaluate, evaluate_by_overlap, score_found,
+    EstimatedObject, Evaluation, ObjectDetectionScore, PairedBy, TruthObject, evaluate, score_found,
 };
 use quadlift::solve::Status;
 
@@ -85,11 +85,12 @@ pub fn evaluate_objects(
     let (path, cameras) = if truth.1.frames.is_empty() { estimate } else { truth };
     let scene = cameras.to_scene().map_err(|error| error.in_file(path))?;
     let projections: Vec<Projection> = scene.frames.iter().map(|frame| frame.projection).collect();
-    let evaluation = match matching {
-        Matching::Overlap => evaluate_by_overlap(&estimated, &true_objects, &projections),
-        Matching::Auto if !any_common => evaluate_by_overlap(&estimated, &true_objects, &projections),
-        Matching::Auto | Matching::Ids => evaluate(&estimated, &true_objects, &projections),
+    let paired_by = match matching {
+        Matching::Overlap => PairedBy::Overlap,
+        Matching::Auto if !any_common => PairedBy::Overlap,
+        Matching::Auto | Matching::Ids => PairedBy::Ids,
     };
+    let evaluation = evaluate(&estimated, &true_objects, &projections, paired_by);
     // An unreliable estimate finds nothing: `localize` does not count it either.
     let is_ok = |object: &EstimatedObject| object.status.is_empty() || object.status == Status::Ok.name();
     let found: Vec<Option<Ellipsoid>> =

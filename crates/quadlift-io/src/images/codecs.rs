@@ -69,7 +69,7 @@ fn read_image_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
 ///
 /// # Errors
 /// [`ReadError`] if the file cannot be read or is not PNG or JPEG.
-pub fn read_image_size(path: &Path) -> Result<[u32; 2], ReadError> {
+pub(crate) fn read_image_size(path: &Path) -> Result<[u32; 2], ReadError> {
     let bytes = read_image_bytes(path)?;
     let format = format(path, &bytes)?;
     let size = ImageReader::with_format(Cursor::new(&bytes), format).into_dimensions();

@@ -173,7 +173,7 @@ impl Writer {
     }
 
     /// A number of single precision.
-    pub fn f32(&mut self, x: f32) -> &mut Self {
+    pub(crate) fn f32(&mut self, x: f32) -> &mut Self {
         self.number(x.to_le_bytes())
     }
 

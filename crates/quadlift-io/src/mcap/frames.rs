@@ -13,7 +13,7 @@ use super::decode::Decoders;
 use super::messages::{self, Kind, kind_of};
 use super::scan::{LogCamera, Overview, is_static};
 use super::tree::{How, Limits, Pose, SECOND, Seconds, Tree, duration};
-use crate::file_names::FileNames;
+use crate::file_names::file_names;
 use crate::scene_file::{DetectionRecord, FrameRecord};
 use crate::stream::FrameLine;
 use crate::wording::count;
@@ -152,18 +152,13 @@ impl<R: Read + Seek> Frames<R> {
         }
     }
 
-    /// What was read.
-    pub fn overview(&self) -> &Overview {
-        &self.overview
-    }
-
     /// Names of images that were written, by the ids of their frames.
-    pub fn images(&self) -> &BTreeMap<String, String> {
+    pub(crate) fn images(&self) -> &BTreeMap<String, String> {
         &self.images
     }
 
     /// How the poses were found, so far.
-    pub fn notes(&self) -> Vec<String> {
+    pub(crate) fn notes(&self) -> Vec<String> {
         let Statistics { exact, between, largest_gap, nearest, farthest, jumps_forward, without_camera } =
             self.statistics;
         let mut parts = Vec::new();
@@ -378,7 +373,7 @@ impl<R: Read + Seek> Frames<R> {
         };
         let (camera, _) = self.overview.camera(&message.channel.topic, &image.frame)?;
         let id = frame_id(&self.overview.cameras, camera, image.stamp);
-        let name: String = FileNames::new([id.as_str()]).iter().map(|name| format!("{name}.{extension}")).collect();
+        let name: String = file_names([id.as_str()]).iter().map(|name| format!("{name}.{extension}")).collect();
         let path = folder.join(&name);
         // Not synced one by one, for there may be thousands.
         std::fs::write(&path, image.bytes).map_err(|error| format!("cannot write {}: {error}", path.display()))?;

@@ -52,7 +52,7 @@ impl Overview {
     }
 
     /// Topics of detections that are of the same camera: several sources, of which one must be chosen.
-    pub fn rivals(&self) -> Vec<&str> {
+    pub(crate) fn rivals(&self) -> Vec<&str> {
         let mut of_camera: BTreeMap<usize, Vec<&str>> = BTreeMap::new();
         for (topic, frame) in &self.detection_frames {
             if let Ok((camera, _)) = self.camera(topic, frame) {
@@ -145,7 +145,7 @@ impl LogCamera {
     }
 
     /// The calibration that holds at a time: the last one before it, or the first one; there is one.
-    pub fn calibration_at(&self, stamp: i64) -> &LogCalibration {
+    pub(crate) fn calibration_at(&self, stamp: i64) -> &LogCalibration {
         let before = self.calibrations.iter().rev().find(|calibration| calibration.from <= stamp);
         before.unwrap_or(&self.calibrations[0])
     }

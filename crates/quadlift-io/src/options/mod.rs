@@ -10,7 +10,7 @@ mod record;
 
 pub use association::ASSOCIATION;
 pub use map::MAP;
-pub use record::{check_needs_posterior, levels_of_result};
+pub use record::check_needs_posterior;
 pub(crate) use record::{option_value, value_record};
 pub use run::RUN;
 
@@ -198,7 +198,7 @@ impl Kind {
     ///
     /// # Errors
     /// What was expected.
-    pub fn check(&self, value: Value) -> Result<Value, String> {
+    pub(crate) fn check(&self, value: Value) -> Result<Value, String> {
         let fits = match (self, &value) {
             (_, Value::Unset)
             | (Self::Flag, Value::Flag(_))
@@ -246,7 +246,7 @@ impl Kind {
 /// The setters of rows get a value of their kind, or none; anything else would be a mistake in a table.
 impl Value {
     /// A flag; `None` if unset.
-    pub fn flag(&self) -> Option<bool> {
+    pub(crate) fn flag(&self) -> Option<bool> {
         if let Self::Flag(flag) = self { Some(*flag) } else { None }
     }
 
@@ -264,7 +264,7 @@ impl Value {
     ///
     /// # Errors
     /// What was expected.
-    pub fn count(&self) -> Result<usize, String> {
+    pub(crate) fn count(&self) -> Result<usize, String> {
         let count = self.whole().and_then(|n| usize::try_from(n).ok());
         count.ok_or_else(|| format!("expected {}", Kind::Whole(0).expected()))
     }
@@ -273,7 +273,7 @@ impl Value {
     ///
     /// # Errors
     /// What was expected.
-    pub fn named<T: FromStr<Err = UnknownName>>(&self) -> Result<T, String> {
+    pub(crate) fn named<T: FromStr<Err = UnknownName>>(&self) -> Result<T, String> {
         let name = self.text().unwrap_or("none");
         name.parse().map_err(|error: UnknownName| format!("expected one of {}", error.expected.join(", ")))
     }
@@ -284,7 +284,7 @@ impl Value {
     }
 
     /// Two numbers; `None` if unset.
-    pub fn pair(&self) -> Option<[f64; 2]> {
+    pub(crate) fn pair(&self) -> Option<[f64; 2]> {
         if let Self::Numbers(numbers) = self { numbers.as_slice().try_into().ok() } else { None }
     }
 }

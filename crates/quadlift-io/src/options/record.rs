@@ -1,13 +1,9 @@
 //! Values of options ([`super::Value`]) in JSON and in files.
 
-use std::path::Path;
-
 use quadlift::run::RunOptions;
 use serde_json::{Value, json};
 
 use super::{Spelling, Value as OptionValue};
-use crate::error::ReadError;
-use crate::scene_file::read_scene_file;
 
 /// The value of an option in JSON.
 pub(crate) fn value_record(value: OptionValue) -> Value {
@@ -53,13 +49,4 @@ pub fn check_needs_posterior(run: &RunOptions, name: &str, spelling: Spelling) -
             spelling.with_value("method", "posterior")
         )),
     }
-}
-
-/// The noise levels of an earlier result, as the value of an option.
-///
-/// # Errors
-/// [`ReadError`] if the file reports none.
-pub fn levels_of_result(path: &Path) -> Result<OptionValue, ReadError> {
-    let levels = read_scene_file(path)?.noise_levels().map_err(|error| error.in_file(path))?;
-    Ok(OptionValue::from(&levels))
 }

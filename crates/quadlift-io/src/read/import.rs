@@ -63,7 +63,7 @@ pub enum PixelCenters {
 
 impl PixelCenters {
     /// What to add to principal points.
-    pub fn shift(self) -> f64 {
+    pub(crate) fn shift(self) -> f64 {
         match self {
             Self::Integer => 0.5,
             Self::Half => 0.0,

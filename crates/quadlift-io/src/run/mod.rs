@@ -8,8 +8,8 @@ mod record;
 use std::borrow::Cow;
 use std::path::Path;
 
+use quadlift::Observer;
 use quadlift::run::{Check, Input, Run, RunError};
-use quadlift::{Localization, Observer};
 
 pub use input::{FileInput, InputError};
 pub use options::{FileOptions, PriorSource};
@@ -72,11 +72,6 @@ pub fn run_file(
 }
 
 impl FileRun {
-    /// The estimates.
-    pub fn localization(&self) -> &Localization {
-        &self.run.localization
-    }
-
     /// The consistency check.
     pub fn diagnosis(&self) -> DiagnosisRecord {
         DiagnosisRecord::of(&self.run.check, &self.input.context)
@@ -122,6 +117,6 @@ impl FileRun {
     /// The result without objects and detections.
     fn without_objects(&self) -> SceneFile {
         let about = serde_json::to_value(self.record()).unwrap_or_default();
-        self.input.file.with_results(Vec::new(), about).with_refined_poses(self.localization())
+        self.input.file.with_results(Vec::new(), about).with_refined_poses(&self.run.localization)
     }
 }

@@ -90,7 +90,7 @@ impl FileOptions {
 
     /// The settings as they are written to the result: all options of a run that its method takes, by their names, and the source
     /// of the priors. The number of threads is not included, because it does not affect the result.
-    pub fn settings(&self) -> Value {
+    pub(crate) fn settings(&self) -> Value {
         let method = &self.run.localize.method;
         let rows = RUN.iter().filter(|row| row.only.is_none_or(|(_, needed)| needed == method.name()));
         let mut settings: Map<String, Value> =

@@ -205,8 +205,8 @@ pub struct SkippedRecord {
 
 impl RunRecord {
     /// The record of a run.
-    pub fn of(run: &FileRun) -> Self {
-        let (scene, found) = (run.input.scene(), run.localization());
+    pub(crate) fn of(run: &FileRun) -> Self {
+        let (scene, found) = (run.input.scene(), &run.run.localization);
         Self {
             association: run.run.association.as_ref().map(|association| AssociationRecord::of(scene, association)),
             body: Some(fitted_body_name(found.body)),

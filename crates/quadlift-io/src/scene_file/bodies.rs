@@ -46,7 +46,7 @@ impl ObjectBodies {
     }
 
     /// The enclosing ellipsoid.
-    pub fn enclosing_ellipsoid(&self) -> Option<Ellipsoid> {
+    pub(crate) fn enclosing_ellipsoid(&self) -> Option<Ellipsoid> {
         of_kind(&self.enclosing, BodyKind::Ellipsoid).map(|body| body.inscribed())
     }
 
@@ -56,7 +56,7 @@ impl ObjectBodies {
     }
 
     /// The enclosing cuboid.
-    pub fn enclosing_cuboid(&self) -> Option<Body> {
+    pub(crate) fn enclosing_cuboid(&self) -> Option<Body> {
         of_kind(&self.enclosing, BodyKind::Cuboid)
     }
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Point3, Rotation3, SMatrix, Vector3};
 use quadlift::geometry::{CamFromWorld, quaternion_from_rotation, rotation_from_quaternion};
-use quadlift::scene::{Box3dCue, Box3dSd, DepthCue, SceneBuilder};
+use quadlift::scene::{Box3dCue, Box3dSd, DepthCue, DepthScale, SceneBuilder};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -95,8 +95,8 @@ impl CueSourceRecord {
         let index = builder.cue_source(name).map_err(|error| EntryError::new(entry(""), error))?;
         match self.scale.as_deref() {
             None | Some("scene") => {}
-            Some("frame") => builder.scale_by_frame(index),
-            Some("known") => builder.scale_is_known(index),
+            Some("frame") => builder.set_depth_scale(index, DepthScale::Frame),
+            Some("known") => builder.set_depth_scale(index, DepthScale::Known),
             Some(other) => {
                 let problem = format!(
                     "found \"{other}\"; expected \"frame\" (a scale in each frame), \"scene\" (one scale) or \"known\" (none: lengths \

@@ -59,7 +59,7 @@ impl DepthsFound {
 
 impl SceneFile {
     /// Whether a frame has a depth image.
-    pub fn has_depth_images(&self) -> bool {
+    pub(crate) fn has_depth_images(&self) -> bool {
         self.frames.iter().any(|frame| frame.depth.is_some())
     }
 
@@ -89,7 +89,7 @@ impl SceneFile {
     ///
     /// # Errors
     /// As [`Self::to_images`].
-    pub fn add_depths(
+    pub(crate) fn add_depths(
         &self,
         path: &Path,
         scene: &mut Scene,

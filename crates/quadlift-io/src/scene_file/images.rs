@@ -62,7 +62,7 @@ pub struct SceneImages {
 
 impl SceneFile {
     /// For each frame, width and height of its image in pixels, if known from frame or camera.
-    pub fn image_sizes(&self) -> Vec<Option<[f64; 2]>> {
+    pub(crate) fn image_sizes(&self) -> Vec<Option<[f64; 2]>> {
         let size = |width: Option<f64>, height: Option<f64>| width.zip(height).map(|(width, height)| [width, height]);
         let of_camera: HashMap<&str, Option<[f64; 2]>> =
             self.cameras.iter().map(|camera| (camera.id.as_str(), size(camera.width, camera.height))).collect();

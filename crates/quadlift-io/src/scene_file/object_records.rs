@@ -432,7 +432,7 @@ impl ObjectRecord {
     }
 
     /// Sets the body of its kind and its equivalent ellipsoid.
-    pub fn set_body(&mut self, body: &Body) {
+    pub(crate) fn set_body(&mut self, body: &Body) {
         self.ellipsoid = Some((&body.ellipsoid()).into());
         match body.into() {
             BodyRecord::Ellipsoid(_) => {}
@@ -443,7 +443,7 @@ impl ObjectRecord {
     }
 
     /// The same for the enclosing body.
-    pub fn set_enclosing_body(&mut self, body: &Body) {
+    pub(crate) fn set_enclosing_body(&mut self, body: &Body) {
         self.enclosing_ellipsoid = Some((&body.ellipsoid()).into());
         match body.into() {
             BodyRecord::Ellipsoid(_) => {}

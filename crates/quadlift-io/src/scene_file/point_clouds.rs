@@ -123,7 +123,7 @@ impl SceneFile {
 
     /// Whether detections may get a depth from points: a frame has a cloud, or the scene has one, or it is known which points a frame
     /// observed.
-    pub fn has_points_of_frames(&self) -> bool {
+    pub(crate) fn has_points_of_frames(&self) -> bool {
         self.point_cloud.is_some() || self.frames.iter().any(has_points)
     }
 

@@ -370,18 +370,18 @@ pub struct SegmentationRecord {
 
 impl SegmentationRecord {
     /// Whether ellipse and mask may be of a part of the object, see [`Contacts::is_partial`].
-    pub fn is_partial(&self) -> bool {
+    pub(crate) fn is_partial(&self) -> bool {
         let share = |share: Option<f64>| share.unwrap_or(0.0);
         Contacts { border: share(self.truncated_by_border), others: share(self.touches_other_masks) }.is_partial()
     }
 
     /// Whether the mask was found in the box of the detection; otherwise it was given.
-    pub fn found_in_box(&self) -> bool {
+    pub(crate) fn found_in_box(&self) -> bool {
         self.method != "masks"
     }
 
     /// Whether there is no reliable mask: ellipse and mask are those of the box.
-    pub fn fallback(&self) -> bool {
+    pub(crate) fn fallback(&self) -> bool {
         self.status == "fallback"
     }
 }

@@ -149,7 +149,9 @@ mod tests {
     use nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
     use quadlift::geometry::{Body, BodyKind, Ellipsoid, Projection};
     use quadlift::scene::{NewDetection, SceneBuilder};
-    use quadlift::solve::{Covariance, CovarianceCoordinates, Matrix9, Rejection, Status, ViewReport, Warning};
+    use quadlift::solve::{
+        Covariance, CovarianceCoordinates, Matrix9, Rejection, SceneSolution, Status, ViewReport, Warning,
+    };
 
     fn scene() -> Scene {
         let mut builder = SceneBuilder::new("test");
@@ -211,7 +213,10 @@ mod tests {
             Body { center, half_extents: lengths, rotation, kind: BodyKind::Cylinder },
         ];
         let estimates: Vec<_> = bodies.into_iter().enumerate().map(|(i, body)| estimate(i, body)).collect();
-        let localization = Localization { estimates: estimates.clone(), ..Default::default() };
+        let localization = Localization {
+            solution: SceneSolution { estimates: estimates.clone(), ..Default::default() },
+            ..Default::default()
+        };
         let objects = estimates_to_objects(&scene(), &localization).collect::<Vec<_>>();
         let file = SceneFile::default().with_results(objects, serde_json::json!({"method": "posterior"}));
         let mut bytes = Vec::new();
@@ -252,8 +257,14 @@ mod tests {
     fn a_failed_estimate_has_its_status_and_its_center() {
         let mut failed = Estimate::failed(1, None, Status::NotAnEllipsoid);
         failed.center = Some(Point3::new(0.0, 1.0, 2.0));
-        let objects = estimates_to_objects(&scene(), &Localization { estimates: vec![failed], ..Default::default() })
-            .collect::<Vec<_>>();
+        let objects = estimates_to_objects(
+            &scene(),
+            &Localization {
+                solution: SceneSolution { estimates: vec![failed], ..Default::default() },
+                ..Default::default()
+            },
+        )
+        .collect::<Vec<_>>();
         insta::assert_snapshot!(
             serde_json::to_string(&objects[0]).unwrap(),
             @r#"{"id":"box","status":"not_an_ellipsoid","center":[0.0,1.0,2.0],"views_used":0}"#

@@ -20,7 +20,7 @@ impl SceneFile {
     ///
     /// # Errors
     /// As [`Self::to_images`].
-    pub fn add_support_lines(
+    pub(crate) fn add_support_lines(
         &self,
         path: &Path,
         scene: &mut Scene,

@@ -65,7 +65,7 @@ pub enum Step {
 }
 
 /// Called with the number of things done and their total, from any thread.
-pub type Progress<'a> = &'a (dyn Fn(Step, usize, usize) -> ControlFlow<()> + Sync);
+type Progress<'a> = &'a (dyn Fn(Step, usize, usize) -> ControlFlow<()> + Sync);
 
 /// How frames get their images, for messages.
 const HOW_TO_NAME_IMAGES: &str = "`quadlift import FORMAT ... --images DIR` names the folder of the images; `quadlift \
@@ -193,7 +193,7 @@ pub fn segment_scene(
     scene: &Scene,
     images: &SceneImages,
     settings: &Settings,
-    progress: Progress,
+    progress: &(dyn Fn(Step, usize, usize) -> ControlFlow<()> + Sync),
 ) -> Result<Segmentation, SegmentSceneError> {
     let nothing = |why| Err(SegmentSceneError::Nothing(why));
     let source = scene.source_index(settings.source.as_deref())?;

@@ -8,7 +8,7 @@ use quadlift_segment::{LabelImage, Mask, Rle, RleError, reach};
 
 use super::{Found, Method, Segmentation, image_size};
 use crate::error::WriteError;
-use crate::file_names::FileNames;
+use crate::file_names::file_names;
 use crate::images::write_label_image;
 use crate::scene_file::{
     DetectionRecord, MaskRecord, RleCounts, RleRecord, SceneFile, SegmentationRecord, way_to_file,
@@ -53,8 +53,8 @@ pub fn add_to_scene(
             frames.entry(detection.frame_index as usize).or_default().push(index);
         }
     }
-    let names = FileNames::new(frames.keys().map(|&frame| scene.frames[frame].id.as_str()));
-    for ((&frame, detections), name) in frames.iter().zip(names.iter()) {
+    let names = file_names(frames.keys().map(|&frame| scene.frames[frame].id.as_str()));
+    for ((&frame, detections), name) in frames.iter().zip(&names) {
         let size = image_size(scene, frame, detections, segmentation);
         let size = size.unwrap_or_else(|| {
             reach(detections.iter().filter_map(|&index| Some(&segmentation.found[index].as_ref()?.mask)))

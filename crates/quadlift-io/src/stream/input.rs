@@ -1,24 +1,18 @@
-//! Lines of a file, a pipe or the standard input, one after another.
+//! Files and pipes of lines.
 
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 
 use crate::error::ReadError;
 use crate::guard::note_read;
 use crate::input::read_error;
 
-/// The longest line that is read, in bytes.
-pub const MAX_LINE: usize = 1 << 26;
-
-/// Where lines come from.
-pub type Input = Box<dyn BufRead + Send>;
-
 /// Opens a file of lines. Unlike files that are read as a whole, it may be a named pipe.
 ///
 /// # Errors
 /// [`ReadError`] when there is no such file, when it is a folder, or when the system refuses.
-pub fn open(path: &Path) -> Result<Input, ReadError> {
+pub fn open(path: &Path) -> Result<Box<dyn BufRead + Send>, ReadError> {
     note_read(path);
     let failed = |error: io::Error| read_error(path, &error);
     let file = File::open(path).map_err(failed)?;
@@ -28,71 +22,9 @@ pub fn open(path: &Path) -> Result<Input, ReadError> {
     Ok(Box::new(BufReader::new(file)))
 }
 
-/// Reads lines and counts them.
-pub struct LineReader<R> {
-    input: R,
-    number: u64,
-    longest: usize,
-}
-
-/// A line with its number, from 1.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum NextLine {
-    /// A line without its end.
-    Text(u64, Vec<u8>),
-    /// A line that is longer than [`MAX_LINE`]; it was passed over.
-    TooLong(u64),
-}
-
-impl<R: BufRead> LineReader<R> {
-    /// Reads from here, lines up to [`MAX_LINE`].
-    pub fn new(input: R) -> Self {
-        Self { input, number: 0, longest: MAX_LINE }
-    }
-
-    /// The next line that is not blank; `None` at the end.
-    ///
-    /// # Errors
-    /// What the system says.
-    pub fn next_line(&mut self) -> io::Result<Option<NextLine>> {
-        loop {
-            let mut line = Vec::new();
-            let limit = self.longest as u64 + 1;
-            if (&mut self.input).take(limit).read_until(b'\n', &mut line)? == 0 {
-                return Ok(None);
-            }
-            self.number += 1;
-            if line.last() == Some(&b'\n') {
-                line.pop();
-            } else if line.len() > self.longest {
-                self.skip_to_end_of_line()?;
-                return Ok(Some(NextLine::TooLong(self.number)));
-            }
-            if !line.iter().all(u8::is_ascii_whitespace) {
-                return Ok(Some(NextLine::Text(self.number, line)));
-            }
-        }
-    }
-
-    fn skip_to_end_of_line(&mut self) -> io::Result<()> {
-        self.input.skip_until(b'\n').map(drop)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn lines_are_counted_and_blank_ones_passed_over() {
-        let mut reader = LineReader { longest: 4, ..LineReader::new(&b"ab\r\n\n  \nlong!!\nabcd\nend"[..]) };
-        let text = |number, text: &str| Some(NextLine::Text(number, text.as_bytes().to_vec()));
-        assert_eq!(reader.next_line().unwrap(), text(1, "ab\r"));
-        assert_eq!(reader.next_line().unwrap(), Some(NextLine::TooLong(4)));
-        assert_eq!(reader.next_line().unwrap(), text(5, "abcd"));
-        assert_eq!(reader.next_line().unwrap(), text(6, "end"));
-        assert_eq!(reader.next_line().unwrap(), None);
-    }
 
     #[test]
     fn folders_and_missing_files_are_refused() {

@@ -25,7 +25,7 @@ pub struct MapMemory {
 
 impl MapMemory {
     /// What a map knows now.
-    pub fn of(map: &ObjectMap) -> Self {
+    pub(crate) fn of(map: &ObjectMap) -> Self {
         let last = map.last_frame();
         Self {
             objects: map.objects().collect(),
@@ -43,7 +43,7 @@ impl MapMemory {
     ///
     /// Objects get a `memory` (whether they are there or gone, how likely they are there, when they were seen) and the order
     /// of their ids; the result gets the detections.
-    pub fn add_to(&self, result: &mut SceneFile, file: &SceneFile) {
+    pub(crate) fn add_to(&self, result: &mut SceneFile, file: &SceneFile) {
         self.add_to_objects(&mut result.objects);
         result.detections.clone_from(&file.detections);
     }
@@ -140,7 +140,7 @@ impl MemoryRecord {
 
 impl ObjectRecord {
     /// What a map of a stream knows of the object.
-    pub fn memory(&self) -> Option<MemoryRecord> {
+    pub(crate) fn memory(&self) -> Option<MemoryRecord> {
         MemoryRecord::deserialize(self.extra.get(MEMORY)?).ok()
     }
 

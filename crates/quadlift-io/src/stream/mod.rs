@@ -14,12 +14,9 @@ mod scene;
 mod state;
 
 pub use event::{DetectionRecord, EventRecord, OutputLine, inconsistency_in_words};
-pub use input::{Input, LineReader, MAX_LINE, NextLine, open};
+pub use input::open;
 pub use line::{AboutRecord, CameraOfFrame, FrameLine, Line, LineError, PoseRecord, parse_line, scene_to_frames};
 pub use map_file::{MapMemory, MemoryRecord, ShareRecord, StreamRecord};
 pub use options::{StoredPriors, lasting_options, options_of};
 pub use scene::{CheckedFrame, StreamedScene};
-pub use state::{
-    STATE_FORMAT, STATE_VERSION, StoredStream, StreamState, parse_state_file, parse_stored_stream, read_state_file,
-    read_stored_stream, write_state, write_state_file,
-};
+pub use state::{StoredStream, StreamState, parse_stored_stream, read_state_file, read_stored_stream, write_state};

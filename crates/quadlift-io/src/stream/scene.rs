@@ -100,14 +100,9 @@ impl StreamedScene {
         (about, frames, given, unnamed)
     }
 
-    /// The world unit.
-    pub fn length_unit(&self) -> Option<&str> {
-        self.about.length_unit.as_deref()
-    }
-
-    /// The world direction against gravity, of any length.
-    pub fn up(&self) -> Option<[f64; 3]> {
-        self.about.up
+    /// What lines said of the scene, without its cameras.
+    pub fn about(&self) -> &AboutRecord {
+        &self.about
     }
 
     /// Takes in what a line says of the scene. Cameras of the same id must be the same.
@@ -256,7 +251,7 @@ impl StreamedScene {
     }
 
     /// The same with the boxes from which the objects are estimated ([`ObjectMap::to_averaged_scene`]).
-    pub fn to_averaged_file(&self, map: &ObjectMap) -> SceneFile {
+    pub(crate) fn to_averaged_file(&self, map: &ObjectMap) -> SceneFile {
         self.file_of(&map.to_averaged_scene(), &map.shapes_of_scene())
     }
 

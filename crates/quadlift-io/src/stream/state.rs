@@ -13,17 +13,16 @@ use serde_json::{Map, Value};
 use super::line::AboutRecord;
 use super::options::{StoredPriors, options_of};
 use super::scene::StreamedScene;
-use crate::atomic::write_file;
-use crate::error::{ReadError, WriteError};
+use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::priors::{builtin_priors, parse_priors, read_priors};
 use crate::scene_file::{CameraRecord, FrameRecord};
 use crate::wording::plain_words;
 
 /// The value of `format` in a state file.
-pub const STATE_FORMAT: &str = "quadlift.stream_state";
+const STATE_FORMAT: &str = "quadlift.stream_state";
 /// The value of `version` that this program reads and writes.
-pub const STATE_VERSION: u64 = 2;
+const STATE_VERSION: u64 = 2;
 
 /// What goes on: the map, the scene, and where the input was.
 #[derive(Debug, Clone)]
@@ -52,20 +51,13 @@ struct StateRecord {
     map: MapState,
 }
 
-/// Writes a state to a file as a whole or not at all. `options` are those that the result depends on ([`lasting_options`]).
-///
-/// # Errors
-/// [`WriteError`] when the system refuses.
-///
-/// [`lasting_options`]: super::lasting_options
-pub fn write_state_file(path: &Path, state: &StreamState, options: &Map<String, Value>) -> Result<(), WriteError> {
-    write_file(path, |out| write_state(out, state, options))
-}
-
-/// Writes a state, as [`write_state_file`] does.
+/// Writes a state; [`crate::write_file`] does it as a whole or not at all. `options` are those that the result depends on
+/// ([`lasting_options`]).
 ///
 /// # Errors
 /// Those of `out`.
+///
+/// [`lasting_options`]: super::lasting_options
 pub fn write_state(
     out: &mut (impl Write + ?Sized),
     state: &StreamState,
@@ -118,7 +110,7 @@ pub fn read_state_file(
 ///
 /// # Errors
 /// As [`read_state_file`].
-pub fn parse_state_file(
+fn parse_state_file(
     path: &Path,
     bytes: &[u8],
     map_options: OnlineOptions,

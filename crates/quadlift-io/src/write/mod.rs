@@ -87,8 +87,10 @@ pub struct CheckedScene<'a> {
     file: &'a SceneFile,
     scene: Scene,
     objects: Vec<Object>,
-    without_body: Vec<String>,
-    not_ok: Vec<String>,
+    /// Ids of the objects without a body: only the CSV table holds them.
+    pub without_body: Vec<String>,
+    /// Ids of the objects with a body whose status is another than `ok`.
+    pub not_ok: Vec<String>,
 }
 
 /// An object with a body.
@@ -137,16 +139,6 @@ impl<'a> CheckedScene<'a> {
     /// Ids of the objects with a body, and the centers of the bodies.
     pub fn centers(&self) -> impl Iterator<Item = (&str, Point3<f64>)> {
         self.objects.iter().map(|object| (object.id.as_str(), object.body.center()))
-    }
-
-    /// Ids of the objects that have none: only the CSV table holds them.
-    pub fn without_body(&self) -> &[String] {
-        &self.without_body
-    }
-
-    /// Ids of the objects with a body whose status is another than `ok`.
-    pub fn not_ok(&self) -> &[String] {
-        &self.not_ok
     }
 
     /// The categories of the objects by their first appearance; objects without one have the category "object".
@@ -199,7 +191,7 @@ mod tests {
         let checked = CheckedScene::new(&file, BodyChoice::Tangent).unwrap();
         let kinds: Vec<BodyKind> = checked.objects.iter().map(|object| object.body.kind).collect();
         assert_eq!(kinds, [BodyKind::Ellipsoid, BodyKind::Cuboid, BodyKind::Superellipsoid(1.5)]);
-        assert_eq!((checked.bodies(), checked.without_body()), (3, &["lost".to_owned()][..]));
+        assert_eq!((checked.bodies(), &checked.without_body[..]), (3, &["lost".to_owned()][..]));
         assert_eq!(checked.categories(), ["cup", "box"]);
         let enclosing = CheckedScene::new(&file, BodyChoice::Enclosing).unwrap();
         let half = |scene: &CheckedScene, k: usize| scene.objects[k].body.half_extents.x;

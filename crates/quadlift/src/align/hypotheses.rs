@@ -260,7 +260,7 @@ fn fitted(maps: &PreparedMaps, members: &[Candidate], log_scale: f64) -> Option<
     let spread_b: f64 = points.iter().map(|p| (p.1 - middle_b).norm_squared() * p.2).sum();
     let scale = maps.options.scale.unwrap_or((spread_a / spread_b).sqrt());
     let rotation = match &maps.options.up {
-        None => nalgebra::Rotation3::from_matrix_unchecked(nearest_rotation(&moment)?),
+        None => nalgebra::Rotation3::from_matrix_unchecked(nearest_rotation(&moment)?.0),
         Some(up) => {
             let upright = between(&up.up_in_b, &up.up_in_a);
             nearest_turn(&(moment * upright.matrix().transpose()), &up.up_in_a) * upright

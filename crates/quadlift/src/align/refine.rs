@@ -5,16 +5,13 @@ use nalgebra::{Matrix3, Matrix6, Rotation3, SMatrix, SVector, Vector3};
 use super::Matrix7;
 use super::log_shape::{coordinates, rotation_of_coordinates};
 use super::prepared::{PreparedMaps, PreparedObject};
-use crate::geometry::linalg::{cholesky, solve_spd};
+use crate::geometry::linalg::cholesky;
 use crate::geometry::{Similarity, skew};
+use crate::optimize::levenberg_marquardt::{Damping, Equations, Minimum, NEAR_MINIMUM, Problem, minimize};
 use crate::optimize::student_t::StudentT;
 
 /// Degrees of freedom of the Student t distributions of centers and of shapes: covariances of estimates may be too small.
 pub(super) const DOF: f64 = 5.0;
-
-/// First damping, and the factor by which it changes.
-const DAMPING: f64 = 1e-4;
-const DAMPING_FACTOR: f64 = 8.0;
 
 /// Squared step (radians, extents of the map, logarithm of the scale) below which the search has ended.
 const SMALL_STEP: f64 = 1e-24;
@@ -75,12 +72,6 @@ struct Match {
     shape: Matrix6<f64>,
 }
 
-struct Equations {
-    hessian: Matrix7,
-    gradient: Vector7,
-    cost: f64,
-}
-
 /// Solves with a lower triangular factor.
 pub(super) fn whitened<const N: usize, const C: usize>(
     factor: &SMatrix<f64, N, N>,
@@ -139,43 +130,78 @@ fn residuals(
     ((off, slope), (now.shape_difference(maps, pair), slope_of_shape))
 }
 
-fn equations(maps: &PreparedMaps, a_from_b: &Similarity, pivot: &Vector3<f64>, matches: &[Match]) -> Option<Equations> {
-    let mut all = Equations { hessian: Matrix7::zeros(), gradient: Vector7::zeros(), cost: 0.0 };
-    let student_t = StudentT::new(DOF);
-    let now = Moved::new(maps, a_from_b);
-    for matched in matches {
-        let ((off, slope), (off_shape, slope_of_shape)) = residuals(maps, &now, pivot, matched.pair);
-        let (off, slope) = (whitened(&matched.center, &off), whitened(&matched.center, &slope));
-        let squares = off.norm_squared();
-        let weight = student_t.weight_of(squares, 3);
-        all.cost += student_t.cost_of(squares, 3);
-        all.gradient += slope.tr_mul(&off) * weight;
-        all.hessian += slope.tr_mul(&slope) * weight;
-        let (off, slope) = (whitened(&matched.shape, &off_shape), whitened(&matched.shape, &slope_of_shape));
-        let squares = off.norm_squared();
-        let weight = student_t.weight_of(squares, 6);
-        all.cost += student_t.cost_of(squares, 6);
-        all.gradient += slope.tr_mul(&off) * weight;
-        all.hessian += slope.tr_mul(&slope) * weight;
+/// Matched objects of two maps.
+struct Matched<'a> {
+    maps: &'a PreparedMaps,
+    /// The middle of the matched objects of A.
+    pivot: Vector3<f64>,
+    matches: Vec<Match>,
+    /// The squared extent of map A.
+    squared_extent: f64,
+}
+
+impl Problem for Matched<'_> {
+    type State = Similarity;
+    type Equations = Equations<7>;
+    type Step = Vector7;
+    const DAMPING: Damping = NEAR_MINIMUM;
+
+    fn linearize(&self, a_from_b: &Similarity) -> Option<Equations<7>> {
+        let maps = self.maps;
+        let mut all = Equations::zero();
+        let student_t = StudentT::new(DOF);
+        let now = Moved::new(maps, a_from_b);
+        for matched in &self.matches {
+            let ((off, slope), (off_shape, slope_of_shape)) = residuals(maps, &now, &self.pivot, matched.pair);
+            let (off, slope) = (whitened(&matched.center, &off), whitened(&matched.center, &slope));
+            let squares = off.norm_squared();
+            let weight = student_t.weight_of(squares, 3);
+            all.cost += student_t.cost_of(squares, 3);
+            all.gradient += slope.tr_mul(&off) * weight;
+            all.hessian += slope.tr_mul(&slope) * weight;
+            let (off, slope) = (whitened(&matched.shape, &off_shape), whitened(&matched.shape, &slope_of_shape));
+            let squares = off.norm_squared();
+            let weight = student_t.weight_of(squares, 6);
+            all.cost += student_t.cost_of(squares, 6);
+            all.gradient += slope.tr_mul(&off) * weight;
+            all.hessian += slope.tr_mul(&slope) * weight;
+        }
+        if let Some(known) = &maps.options.up {
+            let up = a_from_b.rotation * known.up_in_b.into_inner();
+            let wanted = known.up_in_a.into_inner();
+            let residual = up.cross(&wanted) / known.sd;
+            let slope = skew(&wanted) * skew(&up) / known.sd;
+            all.cost += residual.norm_squared();
+            let mut gradient = all.gradient.fixed_rows_mut::<3>(0);
+            gradient += slope.tr_mul(&residual);
+            let mut hessian = all.hessian.fixed_view_mut::<3, 3>(0, 0);
+            hessian += slope.tr_mul(&slope);
+        }
+        if maps.options.scale.is_some() {
+            all.hessian.fill_row(6, 0.0);
+            all.hessian.fill_column(6, 0.0);
+            all.hessian[(6, 6)] = 1.0;
+            all.gradient[6] = 0.0;
+        }
+        all.cost.is_finite().then_some(all)
     }
-    if let Some(known) = &maps.options.up {
-        let up = a_from_b.rotation * known.up_in_b.into_inner();
-        let wanted = known.up_in_a.into_inner();
-        let residual = up.cross(&wanted) / known.sd;
-        let slope = skew(&wanted) * skew(&up) / known.sd;
-        all.cost += residual.norm_squared();
-        let mut gradient = all.gradient.fixed_rows_mut::<3>(0);
-        gradient += slope.tr_mul(&residual);
-        let mut hessian = all.hessian.fixed_view_mut::<3, 3>(0, 0);
-        hessian += slope.tr_mul(&slope);
+
+    fn cost(equations: &Equations<7>) -> f64 {
+        equations.cost
     }
-    if maps.options.scale.is_some() {
-        all.hessian.fill_row(6, 0.0);
-        all.hessian.fill_column(6, 0.0);
-        all.hessian[(6, 6)] = 1.0;
-        all.gradient[6] = 0.0;
+
+    fn step(&self, equations: &Equations<7>, damping: f64) -> Option<Vector7> {
+        equations.step(damping)
     }
-    all.cost.is_finite().then_some(all)
+
+    fn retract(&self, a_from_b: &Similarity, step: &Vector7) -> Option<Similarity> {
+        Some(moved(a_from_b, &self.pivot, step)).filter(Similarity::is_valid)
+    }
+
+    fn is_last(&self, step: &Vector7, _: &Similarity, _: f64, _: f64) -> bool {
+        let shift = step.fixed_rows::<3>(3).norm_squared() / self.squared_extent;
+        step.fixed_rows::<3>(0).norm_squared() + shift + step[6] * step[6] < SMALL_STEP
+    }
 }
 
 /// A refined transform.
@@ -205,35 +231,16 @@ pub(super) fn refine(
         .collect::<Option<_>>()?;
     let count = pairs.len().max(1) as f64;
     let pivot = pairs.iter().fold(Vector3::zeros(), |sum, pair| sum + maps.a.objects[pair.0].center / count);
-    let mut a_from_b = *start;
-    let mut now = equations(maps, &a_from_b, &pivot, &matches)?;
-    let mut damping = DAMPING;
-    let extent = maps.a.extents.norm_squared();
-    for _ in 0..steps {
-        let mut damped = now.hessian;
-        (0..7).for_each(|k| damped[(k, k)] *= 1.0 + damping);
-        let Some(step) = solve_spd(&damped, &-now.gradient) else { break };
-        let next = moved(&a_from_b, &pivot, &step);
-        let better = next.is_valid().then(|| equations(maps, &next, &pivot, &matches)).flatten();
-        match better.filter(|better| better.cost <= now.cost) {
-            Some(better) => {
-                (a_from_b, now) = (next, better);
-                damping /= DAMPING_FACTOR;
-                let shift = step.fixed_rows::<3>(3).norm_squared() / extent;
-                if step.fixed_rows::<3>(0).norm_squared() + shift + step[6] * step[6] < SMALL_STEP {
-                    break;
-                }
-            }
-            None => damping *= DAMPING_FACTOR * DAMPING_FACTOR,
-        }
-    }
+    let squared_extent = maps.a.extents.norm_squared();
+    let matched = Matched { maps, pivot, matches, squared_extent };
+    let Minimum { state: mut a_from_b, equations, .. } = minimize(&matched, *start, steps)?;
     // A rotation that was multiplied often stays one.
     a_from_b.rotation.renormalize();
-    let mut information = now.hessian;
+    let mut information = equations.hessian;
     // What is known before: it keeps motions finite that the objects leave open.
     for k in 0..3 {
         information[(k, k)] += 1.0 / (std::f64::consts::PI * std::f64::consts::PI);
-        information[(3 + k, 3 + k)] += 1.0 / extent;
+        information[(3 + k, 3 + k)] += 1.0 / squared_extent;
     }
     if maps.options.scale.is_none() {
         information[(6, 6)] += 1.0 / (LOG_SCALE_SD * LOG_SCALE_SD);

@@ -12,6 +12,7 @@ use super::options::IdPolicy;
 use super::result::Association;
 use super::statistics::median;
 use crate::geometry::BoundingBox;
+use crate::optimize::matching::{Pair, greedy_pairs};
 use crate::scene::{Detection, PointObservation, Scene};
 use crate::sorting::StableSort;
 
@@ -214,17 +215,14 @@ fn seen(scene: &Scene, frames: &[&[usize]], ids: IdPolicy) -> Vec<Seen> {
                     _ => 0.0,
                 };
                 if overlap >= MIN_OVERLAP {
-                    pairs.push((overlap, thing, index));
+                    pairs.push(Pair { row: thing as u32, column: index as u32, gain: overlap });
                 }
             }
         }
-        pairs.stable_sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        let (mut taken, mut is_known) = (vec![false; known.len()], vec![false; detections.len()]);
-        for (_, thing, index) in pairs {
-            if !taken[thing] && !is_known[index] {
-                (taken[thing], is_known[index]) = (true, true);
-                known[thing].add(scene, detections[index]);
-            }
+        let mut is_known = vec![false; detections.len()];
+        for Pair { row, column, .. } in greedy_pairs(&pairs).into_iter().map(|k| pairs[k]) {
+            is_known[column as usize] = true;
+            known[row as usize].add(scene, detections[column as usize]);
         }
         let new = detections
             .iter()

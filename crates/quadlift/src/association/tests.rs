@@ -1,5 +1,8 @@
 //! Association as a whole: what it promises on synthetic scenes, and what it does with bad input.
 
+#[path = "crowd_tests.rs"]
+mod crowd_tests;
+
 use std::ops::ControlFlow;
 
 use nalgebra::Vector3;
@@ -11,6 +14,7 @@ use crate::scene::{NewDetection, SceneBuilder};
 use crate::synthetic::{
     Detector, Noise, Observations, SyntheticIds, SyntheticOptions, SyntheticScene, Trajectory, generate,
 };
+use crowd_tests::{anywhere, scene_of};
 
 const DETECTOR: Detector = Detector { misses: 0.2, false_boxes: 0.15, duplicates: 0.0, occlusion: false };
 
@@ -317,30 +321,6 @@ fn objects_with_low_scores_are_uncertain() {
     };
     assert_eq!(scored(0.9), (8, Some(None)));
     assert_eq!(scored(0.04), (8, Some(Some(AssociationWarning::LowScores))));
-}
-
-/// A scene with boxes in the frames of a synthetic one: `boxes(frame)`.
-fn scene_of(views: usize, boxes: impl Fn(usize) -> Vec<[f64; 4]>) -> Scene {
-    let frames = generate(&SyntheticOptions { objects: 0, views, ..base(0) }).unwrap().scene.0.frames;
-    let mut builder = SceneBuilder::new("bad");
-    for (index, frame) in frames.iter().enumerate() {
-        builder.add_frame(&frame.id, frame.projection, frame.image_size.map(Into::into)).unwrap();
-        for edges in boxes(index) {
-            let bounding_box = Some(BoundingBox::new(edges).unwrap());
-            builder.add_detection(&NewDetection { frame: &frame.id, bounding_box, ..Default::default() }).unwrap();
-        }
-    }
-    builder.build()
-}
-
-/// Boxes anywhere, by a simple sequence.
-fn anywhere(count: usize, seed: usize) -> Vec<[f64; 4]> {
-    let fraction = |k: usize| (((k + seed * 977) * 2_654_435_761) % 1_000_003) as f64 / 1_000_003.0;
-    let one = |k: usize| {
-        let (x, y, s) = (1200.0 * fraction(3 * k), 900.0 * fraction(3 * k + 1), 10.0 + 60.0 * fraction(3 * k + 2));
-        [x, y, x + s, y + s]
-    };
-    (0..count).map(one).collect()
 }
 
 #[test]

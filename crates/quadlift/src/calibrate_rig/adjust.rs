@@ -4,12 +4,8 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Matrix3xX, Vector3};
 
 use super::predicted::across;
 use super::problem::{Problem, Row, SHARED, STUDENT_T, State, Unknown};
+use crate::optimize::levenberg_marquardt::{self, Damping};
 use crate::parallel::map_indices;
-
-/// First damping, its factor, and when no step helps any more.
-const DAMPING: f64 = 1e-4;
-const DAMPING_FACTOR: f64 = 5.0;
-const MAX_DAMPING: f64 = 1e8;
 
 /// Decrease of the cost, relative and absolute, below which the search has ended.
 const SMALL_DECREASE: f64 = 1e-7;
@@ -215,49 +211,51 @@ pub(super) struct Adjusted {
     pub cost: f64,
 }
 
+/// A problem with the places of its unknowns.
+struct LaidOut<'a> {
+    problem: &'a Problem,
+    layout: Layout,
+}
+
+impl levenberg_marquardt::Problem for LaidOut<'_> {
+    type State = State;
+    type Equations = Equations;
+    /// Changes of the shared unknowns, and of the places of the bodies.
+    type Step = (DVector<f64>, Vec<Vector3<f64>>);
+    const DAMPING: Damping = Damping { first: 1e-4, taken: 0.2, failed: 25.0, max: 1e8 };
+
+    fn linearize(&self, state: &State) -> Option<Equations> {
+        equations(self.problem, &self.layout, state)
+    }
+
+    fn cost(equations: &Equations) -> f64 {
+        equations.cost
+    }
+
+    fn step(&self, equations: &Equations, damping: f64) -> Option<Self::Step> {
+        let (cholesky, right, inverses) = reduced(equations, damping)?;
+        let step = -cholesky.solve(&right);
+        let of_site = |(site, inverse): (&SiteEquations, &Matrix3<f64>)| {
+            let shared = DVector::from_iterator(site.indices.len(), site.indices.iter().map(|&k| step[k]));
+            -(inverse * (site.gradient + &site.mixed * shared))
+        };
+        let places = equations.sites.iter().zip(&inverses).map(of_site).collect();
+        Some((step, places))
+    }
+
+    fn retract(&self, state: &State, (step, places): &Self::Step) -> Option<State> {
+        Some(moved(self.problem, &self.layout, state, step, places))
+    }
+
+    fn is_last(&self, _: &Self::Step, _: &State, before: f64, cost: f64) -> bool {
+        before - cost < SMALL_DECREASE * (1.0 + cost)
+    }
+}
+
 /// Minimizes the cost; `None` where it cannot be evaluated at the start.
 pub(super) fn adjust(problem: &Problem, start: State, steps: usize) -> Option<Adjusted> {
-    let layout = Layout::new(problem);
-    let mut state = start;
-    let mut now = equations(problem, &layout, &state)?;
-    let mut damping = DAMPING;
-    for _ in 0..steps {
-        let Some((cholesky, right, inverses)) = reduced(&now, damping) else {
-            damping *= DAMPING_FACTOR * DAMPING_FACTOR;
-            if damping > MAX_DAMPING {
-                break;
-            }
-            continue;
-        };
-        let step = -cholesky.solve(&right);
-        let places: Vec<Vector3<f64>> = now
-            .sites
-            .iter()
-            .zip(&inverses)
-            .map(|(site, inverse)| {
-                let shared = DVector::from_iterator(site.indices.len(), site.indices.iter().map(|&k| step[k]));
-                -(inverse * (site.gradient + &site.mixed * shared))
-            })
-            .collect();
-        let next = moved(problem, &layout, &state, &step, &places);
-        match equations(problem, &layout, &next).filter(|next| next.cost <= now.cost) {
-            Some(better) => {
-                let decrease = now.cost - better.cost;
-                (state, now) = (next, better);
-                damping /= DAMPING_FACTOR;
-                if decrease < SMALL_DECREASE * (1.0 + now.cost) {
-                    break;
-                }
-            }
-            None => {
-                damping *= DAMPING_FACTOR * DAMPING_FACTOR;
-                if damping > MAX_DAMPING {
-                    break;
-                }
-            }
-        }
-    }
-    Some(Adjusted { state, cost: now.cost })
+    let found = levenberg_marquardt::minimize(&LaidOut { problem, layout: Layout::new(problem) }, start, steps)?;
+    Some(Adjusted { state: found.state, cost: found.equations.cost })
 }
 
 /// The covariance of the shared unknowns, and what each row of each site tells: weight and leverage.

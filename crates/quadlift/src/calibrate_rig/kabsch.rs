@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::geometry::rigid::Pose;
+use crate::geometry::rotation::nearest_rotation;
 
 /// A point, where it is taken to, and its weight.
 pub(super) type WeightedPair = (Vector3<f64>, Vector3<f64>, f64);
@@ -19,17 +20,11 @@ pub(super) fn kabsch(pairs: &[WeightedPair]) -> Option<Pose> {
     };
     let (from, to) = (mean(|p| p.0), mean(|p| p.1));
     let cross: Matrix3<f64> = pairs.iter().map(|(a, b, weight)| (b - to) * (a - from).transpose() * *weight).sum();
-    if !cross.iter().all(|x| x.is_finite()) {
-        return None;
-    }
-    let svd = cross.try_svd(true, true, 1e-15, 200)?;
-    let (u, v_t) = (svd.u?, svd.v_t?);
+    let (rotation, spread) = nearest_rotation(&cross)?;
     // On a line the turn about it is open.
-    if svd.singular_values[1] < 1e-9 * svd.singular_values[0] || svd.singular_values[0] <= 0.0 {
+    if spread[1] < 1e-9 * spread[0] || spread[0] <= 0.0 {
         return None;
     }
-    let sign = Vector3::new(1.0, 1.0, (u * v_t).determinant().signum());
-    let rotation = u * Matrix3::from_diagonal(&sign) * v_t;
     Some(Pose { rotation, translation: to - rotation * from })
 }
 

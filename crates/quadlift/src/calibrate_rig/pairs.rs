@@ -8,6 +8,7 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::kabsch::kabsch;
 use crate::geometry::rigid::Pose;
+use crate::optimize::median::median;
 use crate::sorting::StableSort;
 
 /// Standard deviations of a point: of its depth, relative (the tilt of the camera changes sizes by as much), and across, relative to the
@@ -182,9 +183,8 @@ pub(super) fn relative_poses(candidates: &[Candidate], seed: u64) -> Vec<Relativ
 
 fn are_same(a: &Pose, b: &Pose, candidates: &[Candidate]) -> bool {
     let mut depths: Vec<f64> = candidates.iter().map(|candidate| candidate.points[0].place.norm()).collect();
-    let middle = depths.len() / 2;
-    let depth = depths.select_nth_unstable_by(middle, f64::total_cmp).1;
-    a.angle_to(b) < OTHER_ANGLE && (a.center() - b.center()).norm() < OTHER_SHARE * *depth
+    let depth = median(&mut depths).unwrap_or_default();
+    a.angle_to(b) < OTHER_ANGLE && (a.center() - b.center()).norm() < OTHER_SHARE * depth
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ const ENOUGH_VIEWS: usize = 8;
 /// so that what remains sees the object from all sides, as it does when one view is left out.
 ///
 /// No folds when fewer than `fewest` views would remain.
-pub fn view_folds(views: usize, fits: usize, fewest: usize) -> Vec<Vec<usize>> {
+fn view_folds(views: usize, fits: usize, fewest: usize) -> Vec<Vec<usize>> {
     let count = views.min(fits.max(2));
     if count == 0 || views - views.div_ceil(count) < fewest {
         return Vec::new();

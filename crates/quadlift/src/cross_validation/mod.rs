@@ -11,7 +11,6 @@
 mod folds;
 mod summary;
 
-pub use folds::view_folds;
 pub use summary::{CrossValidation, ObjectCrossValidation};
 pub(crate) use {folds::choose_folds, summary::summarize};
 

@@ -1,6 +1,7 @@
 //! Summaries of predictions of single views for objects and the scene.
 
 use super::{CrossValidationOptions, Extent};
+use crate::optimize::median::median;
 use crate::solve::{Estimate, Fold, FoldPrediction, LARGE_ERROR, Prediction};
 use crate::sorting::StableSort;
 
@@ -138,8 +139,7 @@ fn oddness_of(prediction: &Prediction, fold: &FoldPrediction) -> f64 {
 
 fn median_edge_error<'a>(predictions: impl Iterator<Item = &'a Prediction>) -> Option<f64> {
     let mut errors: Vec<f64> = predictions.flat_map(Prediction::edge_errors).flatten().map(f64::abs).collect();
-    errors.sort_by(f64::total_cmp);
-    errors.get(errors.len() / 2).copied()
+    median(&mut errors)
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {

@@ -12,7 +12,7 @@ impl Correction {
     /// (measurements undistorted with wrong intrinsics are not undistorted again). Depths and 3D boxes stay where they are in the
     /// frame of the camera; their lengths are in the world's unit. Where the box changes, the tangent lines of an outline are
     /// dropped, and so are tracked points: correct the scene file to keep them.
-    pub fn apply(&self, scene: &Scene) -> Scene {
+    pub(crate) fn apply(&self, scene: &Scene) -> Scene {
         let mut corrected = rewrite(
             scene,
             |camera, size| self.camera(camera, size),

@@ -187,7 +187,7 @@ impl Correction {
 
     /// The corrected box of a camera with these (correct) intrinsics and image size in pixels; `None` if it is not a
     /// valid box.
-    pub fn bounding_box(
+    pub(crate) fn bounding_box(
         &self,
         b: &BoundingBox,
         intrinsics: &Intrinsics,
@@ -224,7 +224,7 @@ impl Correction {
     }
 
     /// The corrected ellipse; `None` if there is none. Box formats and lenses do not change ellipses.
-    pub fn ellipse(&self, ellipse: &Ellipse, image_size: Option<Vector2<f64>>) -> Option<Ellipse> {
+    pub(crate) fn ellipse(&self, ellipse: &Ellipse, image_size: Option<Vector2<f64>>) -> Option<Ellipse> {
         self.pixel_map(image_size)?.ellipse(ellipse).ok()
     }
 

@@ -57,7 +57,12 @@ impl Diagnosis {
     /// Compares the lengths of a scene with size priors of its categories, full extents in world units: a scene in
     /// millimeters contradicts priors in meters. Does nothing if they agree, if too few objects have a prior, or if the
     /// scene is inconsistent anyway.
-    pub fn check_lengths(&mut self, scene: &Scene, is_used: impl Fn(&Detection) -> bool, priors: &CategoryPriors) {
+    pub(crate) fn check_lengths(
+        &mut self,
+        scene: &Scene,
+        is_used: impl Fn(&Detection) -> bool,
+        priors: &CategoryPriors,
+    ) {
         let Some(agreement) = self.agreement.filter(|_| self.consistent && !priors.by_category.is_empty()) else {
             return;
         };

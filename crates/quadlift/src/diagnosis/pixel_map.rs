@@ -48,7 +48,7 @@ impl PixelMap {
 
     /// The inverse.
     #[must_use]
-    pub fn inverse(&self) -> Self {
+    pub(crate) fn inverse(&self) -> Self {
         let [[a, c], [b, d]] = self.linear.into();
         let of = |x: f64| if x == 0.0 { 0.0 } else { x.recip() };
         // Axes that are exchanged are exchanged back.
@@ -89,7 +89,7 @@ impl PixelMap {
     }
 
     /// The factor on lengths: the square root of that on areas.
-    pub fn scale(&self) -> f64 {
+    pub(crate) fn scale(&self) -> f64 {
         self.linear.determinant().abs().sqrt()
     }
 }

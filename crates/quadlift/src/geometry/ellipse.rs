@@ -81,7 +81,7 @@ impl Ellipse {
     ///
     /// # Errors
     /// [`EllipseError`] when the conic is not a real ellipse.
-    pub fn from_dual_conic(dual_conic: &Matrix3<f64>) -> Result<Self, EllipseError> {
+    pub(crate) fn from_dual_conic(dual_conic: &Matrix3<f64>) -> Result<Self, EllipseError> {
         let w = dual_conic[(2, 2)];
         if !dual_conic.iter().all(|x| x.is_finite()) {
             return Err(EllipseError::NotFinite);

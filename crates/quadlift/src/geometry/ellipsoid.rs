@@ -61,7 +61,8 @@ impl Ellipsoid {
     }
 
     /// The dual quadric `Q* = [[A - t t^T, -t], [-t^T, -1]]`.
-    pub fn dual_quadric(&self) -> DualQuadric {
+    #[cfg(test)]
+    pub(crate) fn dual_quadric(&self) -> DualQuadric {
         DualQuadric::from_center_and_shape(&self.center, &self.shape())
     }
 
@@ -102,7 +103,8 @@ impl DualQuadric {
     }
 
     /// The dual quadric with center `t` and shape `A`, scaled so that its last entry is -1.
-    pub fn from_center_and_shape(center: &Point3<f64>, shape: &Matrix3<f64>) -> Self {
+    #[cfg(test)]
+    pub(crate) fn from_center_and_shape(center: &Point3<f64>, shape: &Matrix3<f64>) -> Self {
         let t = center.coords;
         let mut matrix = Matrix4::zeros();
         matrix.fixed_view_mut::<3, 3>(0, 0).copy_from(&(shape - t * t.transpose()));
@@ -119,7 +121,7 @@ impl DualQuadric {
 
     /// Center and shape matrix `A`; the shape is not checked to be positive definite. `None` when there is no
     /// finite center (a paraboloid, or NaN).
-    pub fn center_and_shape(&self) -> Option<(Point3<f64>, Matrix3<f64>)> {
+    pub(crate) fn center_and_shape(&self) -> Option<(Point3<f64>, Matrix3<f64>)> {
         let w = self.matrix[(3, 3)];
         let t = self.matrix.fixed_view::<3, 1>(0, 3) / w;
         let shape = t * t.transpose() - self.matrix.fixed_view::<3, 3>(0, 0) / w;

@@ -18,7 +18,7 @@ use super::quadrature::gauss_kronrod15;
 /// the body's reach `h(n)`, in the mean of squares over all directions: `A = (15 M - 3 tr(M) I) / 2` with
 /// `M = mean of h(n)^2 n n^T` (for `h(n)^2 = n^T A n` it is `(2 A + tr(A) I) / 15`). Of a cuboid with half extents `a_i`
 /// the squared semi-axes are `a_i (a_i + 2/pi (a_j + a_k))`: of a cube 1.51 times half its edge.
-pub fn ellipsoid_of_same_reach(body: &impl ConvexBody, rotation: &Rotation3<f64>) -> Ellipsoid {
+pub(crate) fn ellipsoid_of_same_reach(body: &impl ConvexBody, rotation: &Rotation3<f64>) -> Ellipsoid {
     // One octant stands for all.
     let mean = |axis: usize| {
         let over_polar = |polar: f64| {

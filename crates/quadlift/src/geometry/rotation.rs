@@ -58,15 +58,15 @@ pub(crate) fn horizontal_basis(up: &Vector3<f64>) -> [Vector3<f64>; 2] {
     [first, up.cross(&first)]
 }
 
-/// The rotation with the largest `tr(R^T m)` (Kabsch); `None` where `m` is not finite.
-pub(crate) fn nearest_rotation(m: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+/// The rotation with the largest `tr(R^T m)` (Kabsch), and the singular values of `m`; `None` where it is not finite.
+pub(crate) fn nearest_rotation(m: &Matrix3<f64>) -> Option<(Matrix3<f64>, Vector3<f64>)> {
     if !m.iter().all(|x| x.is_finite()) {
         return None;
     }
     let svd = m.try_svd(true, true, f64::EPSILON, MAX_SVD_STEPS)?;
     let (u, v_t) = (svd.u?, svd.v_t?);
     let sign = (u * v_t).determinant().signum();
-    Some(u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t)
+    Some((u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t, svd.singular_values))
 }
 
 /// The turn about an axis with the largest `tr(R^T m)`.
@@ -119,7 +119,7 @@ mod tests {
     fn the_nearest_rotation_and_turn_are_those_that_were_applied() {
         let rotation = *Rotation3::from_euler_angles(0.4, -1.2, 2.0).matrix();
         let spread = Matrix3::from_diagonal(&Vector3::new(3.0, 2.0, 0.1));
-        assert!((nearest_rotation(&(rotation * spread)).unwrap() - rotation).norm() < 1e-12);
+        assert!((nearest_rotation(&(rotation * spread)).unwrap().0 - rotation).norm() < 1e-12);
         assert_eq!(nearest_rotation(&Matrix3::repeat(f64::NAN)), None);
         let axis = Unit::new_normalize(Vector3::new(0.3, -0.2, 0.9));
         let turn = Rotation3::from_axis_angle(&axis, -2.1);

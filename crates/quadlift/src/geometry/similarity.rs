@@ -65,7 +65,7 @@ impl Similarity {
 
     /// First `other`, then this one.
     #[must_use]
-    pub fn after(&self, other: &Self) -> Self {
+    pub(crate) fn after(&self, other: &Self) -> Self {
         Self {
             scale: self.scale * other.scale,
             rotation: self.rotation * other.rotation,

@@ -10,7 +10,7 @@ use super::oriented_box::OrientedBox;
 pub const SUPPORT_DIRECTIONS: usize = 8;
 
 /// Most directions that [`TangentLines`] has room for.
-pub const MAX_SUPPORT_DIRECTIONS: usize = 8;
+pub(crate) const MAX_SUPPORT_DIRECTIONS: usize = 8;
 
 /// The tangent lines of an outline's convex hull in directions that are spread evenly over the circle (docs/method.md, section 2.2).
 /// Of a mask there are [`SUPPORT_DIRECTIONS`]: those to the right, bottom, left and top are the edges of its tight box; the diagonal
@@ -42,7 +42,7 @@ pub struct OutlineEnd {
 
 impl OutlineEnd {
     /// Whether the object may go on here unseen: its extent is only bounded from below.
-    pub fn is_open(self) -> bool {
+    pub(crate) fn is_open(self) -> bool {
         self.cut_off || self.hidden
     }
 }
@@ -87,7 +87,7 @@ impl TangentLines {
 
     /// [`Self::of_outline`] in another number of directions, a multiple of four up to [`MAX_SUPPORT_DIRECTIONS`], of which the first
     /// has an angle (radians from x towards y). `None` also for any other number and an angle that is not finite.
-    pub fn of_outline_in(points: &[(Vector2<f64>, OutlineEnd)], count: usize, angle: f64) -> Option<Self> {
+    pub(crate) fn of_outline_in(points: &[(Vector2<f64>, OutlineEnd)], count: usize, angle: f64) -> Option<Self> {
         if count == 0 || !count.is_multiple_of(4) || count > MAX_SUPPORT_DIRECTIONS || !angle.is_finite() {
             return None;
         }
@@ -215,7 +215,7 @@ impl TangentLines {
     }
 
     /// Mean of half its width and half its height along the first direction and across, pixels: of a mask the mean half size of its box.
-    pub fn mean_half_size(&self) -> f64 {
+    pub(crate) fn mean_half_size(&self) -> f64 {
         let quarter = self.count / 4;
         (0..4).map(|k| self.reach[k * quarter]).sum::<f64>() / 4.0
     }

@@ -10,6 +10,7 @@ mod validate;
 pub use measurement_kind::MeasurementKind;
 pub use options::LocalizeOptions;
 
+use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
 use crate::association::IdPolicy;
@@ -21,11 +22,10 @@ use crate::observer::{Observer, Watch};
 use crate::parallel::map_indices;
 use crate::scene::{Detection, Scene, SkippedDetections, SourceError};
 use crate::solve::plausible::warn_of_implausible_sizes;
-use crate::solve::posterior::{PosePoints, PoseUnknowns, PosteriorContext, posterior};
+use crate::solve::posterior::{CrossValidated, PosePoints, PoseUnknowns, PosteriorContext, posterior};
 use crate::solve::{
-    BORDER_MARGIN, CueScale, Estimate, Fold, FoldPrediction, LearnedCategorySize, NoiseModel, OptionError,
-    POSE_NOISE_NAMES, PoseNoise, PosePointsReport, PosteriorOptions, RefinedPose, ViewReport, predict_fold,
-    solve_closed_form,
+    BORDER_MARGIN, Estimate, Fold, FoldPrediction, OptionError, PosteriorOptions, SceneSolution, ViewReport,
+    predict_fold, solve_closed_form,
 };
 use crate::sorting::StableSort;
 use order::{FrameOrder, order_of_objects};
@@ -50,30 +50,13 @@ pub enum LocalizeError {
 /// Predictions of left-out views from which their mean says something about the scene.
 const MIN_PREDICTIONS: usize = 5;
 
-/// The result for a scene.
+/// The result for a scene: a [`SceneSolution`], whose fields are its own, and what is known about it.
 #[derive(Debug, Clone, Default)]
 pub struct Localization {
-    /// One estimate per object id of the detections of the chosen source, in the order of the ids.
-    pub estimates: Vec<Estimate>,
+    /// The objects, and what was estimated with them.
+    pub solution: SceneSolution,
     /// Skipped detections.
     pub skipped: SkippedDetections,
-    /// Noise levels, estimated from the scene's residuals or given ([`crate::solve::Method::Posterior`] only).
-    pub noise: NoiseModel,
-    /// Root mean square corrections of the poses, where [`crate::solve::PosteriorOptions::pose_noise`] asks for them.
-    pub pose_noise: Option<PoseNoise>,
-    /// Frames over which the errors of poses last, 0 if those of frames are independent; found by [`crate::solve::PoseMotion::Auto`].
-    pub pose_correlation_length: Option<f64>,
-    /// Corrections of the poses of the frames that show objects or points, where [`crate::solve::PosteriorOptions::refine_poses`] or
-    /// [`crate::solve::PosteriorOptions::pose_noise`] asks for them.
-    pub refined_poses: Vec<RefinedPose>,
-    /// The points from which poses were corrected beside the objects, if the scene has any.
-    pub pose_points: Option<PosePointsReport>,
-    /// Scales of the sources of depths and 3D boxes, if there are any and noise levels are not given.
-    pub cue_scales: Vec<CueScale>,
-    /// Sizes of categories, where [`crate::solve::PosteriorOptions::learn_sizes`] asks for them: one for each category and kind of body.
-    pub learned_sizes: Vec<LearnedCategorySize>,
-    /// The fitted kind of body, given or selected.
-    pub body: Option<BodyKind>,
     /// Cross-validation: how well left-out views are predicted.
     pub cross_validation: CrossValidation,
     /// The consistency check, with refined poses where these agree with the boxes. If the scene is inconsistent, objects have the
@@ -81,13 +64,17 @@ pub struct Localization {
     pub diagnosis: Diagnosis,
 }
 
-impl Localization {
-    /// The noise levels by their names in results, pose noise last.
-    pub fn noise_levels(&self) -> impl Iterator<Item = (&'static str, f64)> {
-        let of_poses = self.pose_noise.zip(self.pose_correlation_length).map(|(poses, correlation_length)| {
-            POSE_NOISE_NAMES.into_iter().zip([poses.rotation_sd, poses.translation_sd, correlation_length])
-        });
-        self.noise.levels().chain(of_poses.into_iter().flatten())
+impl Deref for Localization {
+    type Target = SceneSolution;
+
+    fn deref(&self) -> &SceneSolution {
+        &self.solution
+    }
+}
+
+impl DerefMut for Localization {
+    fn deref_mut(&mut self) -> &mut SceneSolution {
+        &mut self.solution
     }
 }
 
@@ -112,19 +99,19 @@ pub(crate) fn solve_objects(
     let skipped = of_all.skipped;
     let selection = places.as_ref().map_or(Ok(of_all), |places| Selection::new(&places.scene, options))?;
     let watch = Watch::new(observer, selection.objects.len());
-    let (mut localization, folds, predicted) = match options.method.posterior_options() {
+    let (mut solution, folds, predicted) = match options.method.posterior_options() {
         Some(posterior_options) => refined(selection.scene, options, posterior_options, &selection, &watch),
         None => closed_form(options, &selection, &watch),
     };
     if watch.is_canceled() {
         return Err(LocalizeError::Canceled);
     }
-    let estimates = &mut localization.estimates;
-    localization.cross_validation = summarize(estimates, &folds, predicted, &options.cross_validation);
+    let cross_validation = summarize(&solution.estimates, &folds, predicted, &options.cross_validation);
     // The views of objects with too few of them are listed all the same, as not used.
-    for (k, estimate) in estimates.iter_mut().enumerate().filter(|(_, estimate)| estimate.views.is_empty()) {
+    for (k, estimate) in solution.estimates.iter_mut().enumerate().filter(|(_, estimate)| estimate.views.is_empty()) {
         estimate.views = selection.frames_of(k).map(ViewReport::not_used).collect();
     }
+    let mut localization = Localization { solution, skipped, cross_validation, diagnosis: Diagnosis::default() };
     if let Some(places) = &places {
         spread(places, in_order, &mut localization);
     }
@@ -143,12 +130,8 @@ pub(crate) fn solve_objects(
     let held_out = &localization.cross_validation;
     let iou = held_out.iou().filter(|_| held_out.predictions().count() >= MIN_PREDICTIONS);
     localization.diagnosis.check_fit(edge_noise, iou);
-    localization.skipped = skipped;
     Ok(localization)
 }
-
-/// A localization with the views that were left out for cross-validation, and their predictions.
-type Solved = (Localization, Vec<Fold>, Vec<FoldPrediction>);
 
 /// Which views are left out.
 fn folds_of(estimates: &[Estimate], options: &LocalizeOptions) -> Vec<Fold> {
@@ -162,7 +145,7 @@ fn refined(
     posterior_options: &PosteriorOptions,
     selection: &Selection,
     watch: &Watch,
-) -> Solved {
+) -> CrossValidated {
     let pose_unknowns = Arc::new(PoseUnknowns::of(&scene.frames, posterior_options.refine_extrinsics));
     let corrects = posterior_options.refine_poses.is_some() || posterior_options.pose_noise.is_some();
     let pose_points =
@@ -181,30 +164,19 @@ fn refined(
     };
     let choose = |estimates: &[Estimate]| folds_of(estimates, options);
     let order = order_of_objects(scene, &selection.objects);
-    let solution = posterior(order.len(), &|k| selection.views_of(order[k]), &context, &choose);
+    let (mut solution, folds, predicted) = posterior(order.len(), &|k| selection.views_of(order[k]), &context, &choose);
     let mut estimates: Vec<_> = order.iter().zip(solution.estimates).collect();
     estimates.stable_sort_by_key(|(place, _)| **place);
-    let mut folds: Vec<_> = solution.folds.into_iter().zip(solution.predicted).collect();
+    solution.estimates = estimates.into_iter().map(|(_, estimate)| estimate).collect();
+    let mut folds: Vec<_> = folds.into_iter().zip(predicted).collect();
     folds.iter_mut().for_each(|(fold, _)| fold.object = order[fold.object]);
     folds.stable_sort_by_key(|(fold, _)| fold.object);
     let (folds, predicted) = folds.into_iter().unzip();
-    let localization = Localization {
-        estimates: estimates.into_iter().map(|(_, estimate)| estimate).collect(),
-        noise: solution.noise,
-        pose_noise: solution.pose_noise,
-        pose_correlation_length: solution.pose_correlation_length,
-        refined_poses: solution.refined_poses,
-        pose_points: solution.pose_points,
-        cue_scales: solution.cue_scales,
-        learned_sizes: solution.learned_sizes,
-        body: solution.body,
-        ..Localization::default()
-    };
-    (localization, folds, predicted)
+    (solution, folds, predicted)
 }
 
 /// By a closed form, object by object.
-fn closed_form(options: &LocalizeOptions, selection: &Selection, watch: &Watch) -> Solved {
+fn closed_form(options: &LocalizeOptions, selection: &Selection, watch: &Watch) -> CrossValidated {
     let solve = |views| solve_closed_form(&views, &options.method, options.enclosing_quantile);
     let estimates = map_indices(selection.objects.len(), |k| {
         if watch.is_canceled() {
@@ -222,5 +194,5 @@ fn closed_form(options: &LocalizeOptions, selection: &Selection, watch: &Watch) 
         let Fold { object, views, .. } = &folds[index];
         predict_fold(&selection.views_of(*object), views, BORDER_MARGIN, |others| solve(others).body)
     });
-    (Localization { estimates, body: Some(BodyKind::Ellipsoid), ..Localization::default() }, folds, predicted)
+    (SceneSolution { estimates, body: Some(BodyKind::Ellipsoid), ..SceneSolution::default() }, folds, predicted)
 }

@@ -23,7 +23,7 @@ pub fn center_error(estimate: &Point3<f64>, truth: &Point3<f64>) -> f64 {
 /// Angle between the longest axes, in [0, pi/2] radians: theta_err of the paper.
 ///
 /// Of equal longest axes the first one counts; the angle means little then.
-pub fn main_axis_angle(a: &Ellipsoid, b: &Ellipsoid) -> f64 {
+pub(super) fn main_axis_angle(a: &Ellipsoid, b: &Ellipsoid) -> f64 {
     let axis = |e: &Ellipsoid| e.rotation.matrix().column(e.semi_axes.imax()).into_owned();
     let (u, v) = (axis(a), axis(b));
     u.cross(&v).norm().atan2(u.dot(&v).abs())
@@ -60,7 +60,7 @@ pub fn axis_error(estimate: &Ellipsoid, truth: &Ellipsoid) -> Option<f64> {
 /// Axes correspond by their length (longest to longest, and so on), whatever their order in the two bodies. The
 /// remaining symmetry is that of a body with three different axes, the half turns about each of them. Where two
 /// axes are nearly equal, the body does not determine their directions, and the angle overstates the error.
-pub fn rotation_error_modulo_symmetry(a: &Ellipsoid, b: &Ellipsoid) -> f64 {
+pub(super) fn rotation_error_modulo_symmetry(a: &Ellipsoid, b: &Ellipsoid) -> f64 {
     let q = UnitQuaternion::from_rotation_matrix(&(sorted_rotation(a).inverse() * sorted_rotation(b)));
     // Half turns permute the four components (up to sign): the best of them puts the largest one first.
     let components = q.coords;
@@ -70,7 +70,7 @@ pub fn rotation_error_modulo_symmetry(a: &Ellipsoid, b: &Ellipsoid) -> f64 {
 }
 
 /// Relative errors `(estimate - truth) / truth` of the semi-axes in descending order.
-pub fn sorted_axes_error(estimate: &Ellipsoid, truth: &Ellipsoid) -> Vector3<f64> {
+pub(super) fn sorted_axes_error(estimate: &Ellipsoid, truth: &Ellipsoid) -> Vector3<f64> {
     let (estimate_order, truth_order) = (descending(estimate), descending(truth));
     Vector3::from_fn(|i, _| estimate.semi_axes[estimate_order[i]] / truth.semi_axes[truth_order[i]] - 1.0)
 }

@@ -15,7 +15,7 @@ pub enum RegionPart {
 
 impl RegionPart {
     /// All parts.
-    pub const ALL: [Self; 3] = [Self::Center, Self::Extents, Self::Body];
+    pub(crate) const ALL: [Self; 3] = [Self::Center, Self::Extents, Self::Body];
 
     /// The name in files.
     pub fn name(self) -> &'static str {
@@ -27,7 +27,7 @@ impl RegionPart {
     }
 
     /// The squared distance of this part.
-    pub fn of(self, errors: &SquaredErrors) -> f64 {
+    pub(crate) fn of(self, errors: &SquaredErrors) -> f64 {
         match self {
             Self::Center => errors.center,
             Self::Extents => errors.extents,

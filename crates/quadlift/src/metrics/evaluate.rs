@@ -12,32 +12,33 @@ use super::scores::{
 };
 use crate::geometry::{Body, Ellipsoid, Projection};
 
-/// Scores estimates against the truth, paired by id.
+/// Scores estimates against the truth; where their ids mean nothing to it they are paired by overlap ([`pair_by_overlap`]).
 ///
 /// `projections` are the cameras for the agreement in the images; with none of them that score is absent.
-pub fn evaluate(estimates: &[EstimatedObject], truth: &[TruthObject], projections: &[Projection]) -> Evaluation {
-    let mut by_id = HashMap::new();
-    for (index, estimate) in estimates.iter().enumerate() {
-        by_id.entry(estimate.id.as_str()).or_insert(index);
-    }
-    let partners: Vec<Option<usize>> = truth.iter().map(|object| by_id.get(object.id.as_str()).copied()).collect();
-    score_pairs(estimates, truth, &partners, PairedBy::Ids, projections)
-}
-
-/// Scores estimates against the truth, paired by the overlap of their ellipsoids (see [`pair_by_overlap`]): for
-/// estimates whose ids mean nothing to the truth.
-pub fn evaluate_by_overlap(
+pub fn evaluate(
     estimates: &[EstimatedObject],
     truth: &[TruthObject],
     projections: &[Projection],
+    paired_by: PairedBy,
 ) -> Evaluation {
-    let found: Vec<Option<Ellipsoid>> = estimates.iter().map(|estimate| estimate.ellipsoid).collect();
-    let bodies: Vec<Option<Ellipsoid>> = truth.iter().map(TruthObject::ellipsoid).collect();
     let mut partners = vec![None; truth.len()];
-    for pair in pair_by_overlap(&found, &bodies, 0.0) {
-        partners[pair.truth] = Some(pair.found);
+    match paired_by {
+        PairedBy::Ids => {
+            let mut by_id = HashMap::new();
+            for (index, estimate) in estimates.iter().enumerate() {
+                by_id.entry(estimate.id.as_str()).or_insert(index);
+            }
+            partners = truth.iter().map(|object| by_id.get(object.id.as_str()).copied()).collect();
+        }
+        PairedBy::Overlap => {
+            let found: Vec<Option<Ellipsoid>> = estimates.iter().map(|estimate| estimate.ellipsoid).collect();
+            let bodies: Vec<Option<Ellipsoid>> = truth.iter().map(TruthObject::ellipsoid).collect();
+            for pair in pair_by_overlap(&found, &bodies, 0.0) {
+                partners[pair.truth] = Some(pair.found);
+            }
+        }
     }
-    score_pairs(estimates, truth, &partners, PairedBy::Overlap, projections)
+    score_pairs(estimates, truth, &partners, paired_by, projections)
 }
 
 /// Scores each true object against its partner, the index of an estimate.
@@ -216,7 +217,7 @@ mod tests {
             ..Default::default()
         };
         let estimates = [failed, estimate("a", 0.5), estimate("stranger", 1.0)];
-        let result = evaluate(&estimates, &[truth("a"), truth("b"), truth("c")], &[camera()]);
+        let result = evaluate(&estimates, &[truth("a"), truth("b"), truth("c")], &[camera()], PairedBy::Ids);
         let [a, b, c] = result.objects.as_slice() else { unreachable!() };
         assert!((a.iou3d.unwrap() - 0.125).abs() < 1e-9 && (a.iou3d_enclosing.unwrap() - 1.0).abs() < 1e-6);
         assert!((a.size_error.unwrap() - 0.5).abs() < 1e-12);
@@ -239,7 +240,7 @@ mod tests {
     fn cuboids_are_compared_where_they_are_reported() {
         let with_cuboid = |id: &str| EstimatedObject { cuboid: Some(cuboid(0.0).scaled(0.5)), ..estimate(id, 0.5) };
         let objects = [truth("a"), truth("b"), truth("c")];
-        let result = evaluate(&[with_cuboid("a"), estimate("b", 1.0)], &objects, &[]);
+        let result = evaluate(&[with_cuboid("a"), estimate("b", 1.0)], &objects, &[], PairedBy::Ids);
         assert!((result.objects[0].cuboid_iou3d.unwrap() - 0.125).abs() < 1e-9);
         // A body of another kind has no cuboid; no body at all is a failure.
         assert_eq!(result.objects[1].cuboid_iou3d, None);
@@ -248,7 +249,7 @@ mod tests {
         assert_eq!((result.failures, result.objects[0].reprojection), (1, None));
         // A truth of cuboids only: the inscribed ellipsoid stands for it.
         let only_cuboid = TruthObject { ellipsoid: None, ..truth("a") };
-        let result = evaluate(&[estimate("a", 0.5)], &[only_cuboid], &[]);
+        let result = evaluate(&[estimate("a", 0.5)], &[only_cuboid], &[], PairedBy::Ids);
         assert!((result.objects[0].iou3d.unwrap() - 0.125).abs() < 1e-9);
     }
 
@@ -267,7 +268,7 @@ mod tests {
         let common = area([a[0].max(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].min(b[3])]);
         let of_cuboids = common / (area(a) + area(b) - common);
         let box_iou = |estimate: EstimatedObject, truth: TruthObject| {
-            evaluate(&[estimate], &[truth], &[camera()]).objects[0].reprojection.unwrap().box_iou
+            evaluate(&[estimate], &[truth], &[camera()], PairedBy::Ids).objects[0].reprojection.unwrap().box_iou
         };
         assert!((box_iou(with_cuboid.clone(), truth("a")) - of_cuboids).abs() < 1e-9);
         // One of them has none: the ellipsoids, which are the same here.
@@ -282,27 +283,32 @@ mod tests {
             let ellipsoid = object.ellipsoid.map(|e| Ellipsoid { center: e.center + Vector3::new(x, 0.0, 0.0), ..e });
             EstimatedObject { center: ellipsoid.map(|e| e.center), ellipsoid, ..object }
         };
-        let result = evaluate_by_overlap(&[near, exact, moved(far, 30.0)], &[truth("a"), truth("b")], &[]);
+        let result = evaluate(&[near, exact, moved(far, 30.0)], &[truth("a"), truth("b")], &[], PairedBy::Overlap);
         assert_eq!(result.paired_by, PairedBy::Overlap);
         let paired: Vec<_> = result.objects.iter().map(|o| o.estimate.as_deref().unwrap()).collect();
         assert!(paired == ["1", "2"] || paired == ["2", "1"], "{paired:?}");
         assert!((result.mean.iou3d.unwrap().value - 0.5 * (1.0 + 0.343)).abs() < 1e-9);
         assert_eq!((result.unmatched, result.failures), (vec!["3".to_owned()], 0));
         // Nothing overlaps: everything is missing.
-        let result = evaluate_by_overlap(&[moved(estimate("1", 1.0), 30.0)], &[truth("a")], &[]);
+        let result = evaluate(&[moved(estimate("1", 1.0), 30.0)], &[truth("a")], &[], PairedBy::Overlap);
         assert_eq!((result.failures, result.objects[0].iou3d), (1, Some(0.0)));
         assert_eq!((&result.objects[0].estimate, &result.objects[0].status), (&None, &None));
     }
 
     #[test]
     fn empty_lists_and_repeated_ids() {
-        let result = evaluate(&[], &[], &[]);
+        let result = evaluate(&[], &[], &[], PairedBy::Ids);
         assert_eq!((result.failure_share(), result.mean.iou3d), (None, None));
-        let result = evaluate(&[estimate("a", 1.0), estimate("a", 0.5)], &[truth("a")], &[]);
+        let result = evaluate(&[estimate("a", 1.0), estimate("a", 0.5)], &[truth("a")], &[], PairedBy::Ids);
         assert_eq!(result.unmatched, ["a"]);
         assert!((result.objects[0].iou3d.unwrap() - 1.0).abs() < 1e-6);
         // A truth without any body has nothing to compare with.
-        let result = evaluate(&[estimate("a", 1.0)], &[TruthObject { id: "a".into(), ..Default::default() }], &[]);
+        let result = evaluate(
+            &[estimate("a", 1.0)],
+            &[TruthObject { id: "a".into(), ..Default::default() }],
+            &[],
+            PairedBy::Ids,
+        );
         assert_eq!((result.objects[0].iou3d, result.objects[0].center_error), (None, None));
     }
 }

@@ -8,7 +8,7 @@ use crate::geometry::{Body, BodyKind};
 /// Volume of the intersection over volume of the union, in [0, 1], exact to rounding.
 ///
 /// Zero if a body has no volume or contains a non-finite number.
-pub fn iou3d_cuboids(a: &Body, b: &Body) -> f64 {
+pub(super) fn iou3d_cuboids(a: &Body, b: &Body) -> f64 {
     ratio_of_union(cuboid_intersection_volume(a, b), volume(a), volume(b))
 }
 
@@ -16,7 +16,7 @@ pub fn iou3d_cuboids(a: &Body, b: &Body) -> f64 {
 ///
 /// Every face of the common body is a face of one cuboid clipped by the six planes of the other; the volume is the
 /// sum of the cones over these faces. A face plane that both share counts once, with the first cuboid.
-pub fn cuboid_intersection_volume(a: &Body, b: &Body) -> f64 {
+fn cuboid_intersection_volume(a: &Body, b: &Body) -> f64 {
     let offset = b.center - a.center;
     let size = a.half_extents.amax().max(b.half_extents.amax());
     let usable = |c: &Body| c.half_extents.iter().all(|h| h.is_finite() && *h > 0.0);

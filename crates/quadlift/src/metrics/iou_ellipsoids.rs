@@ -26,7 +26,7 @@ pub fn iou3d_ellipsoids(a: &Ellipsoid, b: &Ellipsoid) -> f64 {
 /// Space is mapped so that the larger body becomes the unit ball, and cut into parallel slices that are the overlap
 /// of a circle and an ellipse. The slices are normal to the direction in which the bodies would first touch if they
 /// shrank, so that even a thin overlap is met by all of them.
-pub fn ellipsoid_intersection_volume(a: &Ellipsoid, b: &Ellipsoid, tolerance: f64) -> f64 {
+fn ellipsoid_intersection_volume(a: &Ellipsoid, b: &Ellipsoid, tolerance: f64) -> f64 {
     let usable = |e: &Ellipsoid| e.semi_axes.iter().all(|s| s.is_finite() && *s > 0.0);
     if !usable(a) || !usable(b) {
         return 0.0;

@@ -1,7 +1,7 @@
 //! How good an estimate is, against the truth (docs/method.md, section 17).
 //!
 //! [`evaluate`] scores a list of objects, [`pairwise_clustering_scores`] associations of detections; the individual
-//! measures are separate functions. O3D of the paper is [`iou3d_ellipsoids`], its theta_err is [`main_axis_angle`].
+//! measures are separate functions. O3D of the paper is [`iou3d_ellipsoids`], its theta_err is [`ObjectScore::theta_err`].
 
 mod axes;
 mod circle_ellipse;
@@ -19,13 +19,12 @@ mod squared_errors;
 mod coverage;
 
 pub use association::{ClusteringScore, ObjectDetectionScore, pairwise_clustering_scores, score_found};
-pub use axes::{axis_error, center_error, main_axis_angle, rotation_error_modulo_symmetry, sorted_axes_error};
+pub use axes::{axis_error, center_error};
 pub use coverage::{Coverage, RegionPart};
-pub use evaluate::{evaluate, evaluate_by_overlap};
+pub use evaluate::evaluate;
 pub use iou_bodies::iou3d_bodies;
-pub use iou_cuboids::{cuboid_intersection_volume, iou3d_cuboids};
 pub use iou_ellipses::ellipse_iou;
-pub use iou_ellipsoids::{ellipsoid_intersection_volume, iou3d_ellipsoids};
+pub use iou_ellipsoids::iou3d_ellipsoids;
 pub use nees::nees;
 pub use overlap::{OverlapPair, pair_by_overlap};
 pub use reprojection::{box_reprojection_iou, ellipse_reprojection_iou};

@@ -62,7 +62,7 @@ pub struct ObjectScore {
     pub axis_error: Option<f64>,
     /// Angle between the longest axes of the ellipsoids, radians in [0, pi/2] (theta_err of the paper).
     pub theta_err: Option<f64>,
-    /// Angle between the axes of the ellipsoids, radians (see [`rotation_error_modulo_symmetry`](super::rotation_error_modulo_symmetry)).
+    /// Angle from the sorted axes of one ellipsoid to those of the other modulo half turns, radians in [0, 2 pi / 3].
     pub rotation_error: Option<f64>,
     /// Distance of the centers, world units.
     pub center_error: Option<f64>,

@@ -1,180 +1,244 @@
-//! A small Levenberg-Marquardt for nine parameters on a manifold.
+//! Levenberg-Marquardt: one loop for all problems of the library.
+//!
+//! Contract of [`minimize`] with a [`Problem`]:
+//! 1. `linearize` gives the equations at a state, with a finite cost; `None` where the state is not allowed.
+//! 2. `step` solves equations whose diagonal is damped; `None` where they are singular, which counts as a step that fails.
+//! 3. `retract` moves a state by a step; `None` where that leads out of the allowed states.
+//! 4. A step that does not raise the cost is taken, and damping falls; any other step fails, and damping grows.
+//! 5. The loop ends before a step that `is_negligible`, after one that `is_last`, with too much damping, or when the steps are used up.
+//! 6. The result is the best state with its equations; `None` where the start is not allowed.
 
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 
-use super::normal_equations::NormalEquations;
 use crate::geometry::linalg::solve_spd;
 
-/// When to stop.
+/// How damping changes.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Stop {
-    /// Evaluations of the objective, at most.
-    pub evaluations: usize,
-    /// Stop when a step promises to lower the cost by less than this. The cost is a sum of whitened squares, so that
-    /// a decrease well below one does not matter statistically.
-    pub min_predicted_decrease: f64,
+pub(crate) struct Damping {
+    /// That of the first step.
+    pub first: f64,
+    /// Its factor after a step that was taken, below 1.
+    pub taken: f64,
+    /// Its factor after a step that failed, above 1.
+    pub failed: f64,
+    /// With more, steps are too short to be worth taking.
+    pub max: f64,
 }
 
-/// Why an iteration stopped.
+/// Damping of problems with few parameters that start near their minimum.
+pub(crate) const NEAR_MINIMUM: Damping = Damping { first: 1e-4, taken: 0.125, failed: 64.0, max: 1e30 };
+
+/// Damping below this does not change a step.
+const MIN_DAMPING: f64 = 1e-12;
+
+/// What is minimized; the module has the contract.
+pub(crate) trait Problem {
+    /// The unknowns.
+    type State;
+    /// Cost and derivatives at a state.
+    type Equations;
+    /// A change of a state.
+    type Step;
+    /// How damping changes.
+    const DAMPING: Damping;
+
+    /// The equations at a state.
+    fn linearize(&self, state: &Self::State) -> Option<Self::Equations>;
+    /// The cost of the state of the equations.
+    fn cost(equations: &Self::Equations) -> f64;
+    /// The step that minimizes the damped quadratic model.
+    fn step(&self, equations: &Self::Equations, damping: f64) -> Option<Self::Step>;
+    /// The state after a step.
+    fn retract(&self, state: &Self::State, step: &Self::Step) -> Option<Self::State>;
+    /// Whether a step is not worth an evaluation.
+    fn is_negligible(&self, _step: &Self::Step, _damping: f64) -> bool {
+        false
+    }
+    /// Whether no further step is needed after one that was taken: the state that it led to, the cost before, and the cost now.
+    fn is_last(&self, _step: &Self::Step, _state: &Self::State, _cost_before: f64, _cost: f64) -> bool {
+        false
+    }
+}
+
+/// Why the loop ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum End {
-    /// A step promises less than was asked for.
+pub(crate) enum End<Step> {
+    /// A step was negligible, or the last one needed.
     Converged,
-    /// No step is short enough to lower the cost, as at a kink.
+    /// No step is short enough not to raise the cost, as at a kink.
     NoLowerStep,
-    /// The evaluations are used up; a step still promises to lower the cost by so much.
-    UsedUp {
-        /// The decrease.
-        promised: f64,
-    },
+    /// The steps are used up; this would have been the next one.
+    UsedUp(Step),
 }
 
-/// Where an iteration ended.
+/// Where the loop ended.
 #[derive(Debug, Clone)]
-pub(crate) struct Minimum<State> {
+pub(crate) struct Minimum<State, Equations, Step> {
     /// The best state.
     pub state: State,
-    /// The objective there.
-    pub equations: NormalEquations,
+    /// The equations there.
+    pub equations: Equations,
     /// Why it ended.
-    pub end: End,
+    pub end: End<Step>,
 }
 
-/// With this damping the steps are too short to be worth taking.
-const MAX_DAMPING: f64 = 1e6;
+/// Where a problem ends.
+pub(crate) type MinimumOf<P> = Minimum<<P as Problem>::State, <P as Problem>::Equations, <P as Problem>::Step>;
 
-/// Largest change of a parameter in one step (object sizes, radians, logarithms).
-const MAX_STEP: f64 = 1.5;
-
-/// Minimizes from `start`; returns the best state and the objective there, `None` when it cannot be evaluated at the
-/// start.
-///
-/// `linearize` gives cost and derivatives at a state, `None` where the state is not allowed; `retract` moves a state by
-/// a step in its local coordinates.
-pub(crate) fn minimize<State: Clone>(
-    start: State,
-    stop: Stop,
-    linearize: impl Fn(&State) -> Option<NormalEquations>,
-    retract: impl Fn(&State, &SVector<f64, 9>) -> Option<State>,
-) -> Option<(State, NormalEquations)> {
-    minimum(start, stop, linearize, retract).map(|found| (found.state, found.equations))
-}
-
-/// The same as [`minimize`], with the reason why the iteration stopped.
-pub(crate) fn minimum<State: Clone>(
-    start: State,
-    stop: Stop,
-    linearize: impl Fn(&State) -> Option<NormalEquations>,
-    retract: impl Fn(&State, &SVector<f64, 9>) -> Option<State>,
-) -> Option<Minimum<State>> {
+/// Minimizes the cost from a start, with at most so many steps.
+pub(crate) fn minimize<P: Problem>(problem: &P, start: P::State, steps: usize) -> Option<MinimumOf<P>> {
     let mut state = start;
-    let mut here = linearize(&state).filter(|n| n.cost.is_finite())?;
-    let mut damping = 1e-3;
-    let mut evaluations = 1;
+    let mut equations = problem.linearize(&state).filter(|equations| P::cost(equations).is_finite())?;
+    let mut damping = P::DAMPING.first;
+    let mut evaluated = 0;
     let end = loop {
-        let (hessian, gradient) = (here.hessian(), here.gradient());
-        let mut damped = hessian;
-        for i in 0..9 {
-            damped[(i, i)] += damping * (hessian[(i, i)] + 1e-9);
+        if damping > P::DAMPING.max {
+            break End::NoLowerStep;
         }
-        let Some(mut step) = solve_spd(&damped, &-gradient) else {
-            damping *= 10.0;
-            if damping > MAX_DAMPING {
-                break End::NoLowerStep;
-            }
+        let Some(step) = problem.step(&equations, damping) else {
+            damping *= P::DAMPING.failed;
             continue;
         };
-        // The decrease that the quadratic model promises.
-        let promised = -step.dot(&gradient) * 2.0 - (step.transpose() * hessian * step)[0];
-        if promised < stop.min_predicted_decrease && damping < 1.0 {
+        if problem.is_negligible(&step, damping) {
             break End::Converged;
         }
-        if evaluations >= stop.evaluations {
-            break End::UsedUp { promised };
+        if evaluated == steps {
+            break End::UsedUp(step);
         }
-        let length = step.amax();
-        if length > MAX_STEP {
-            step *= MAX_STEP / length;
-        }
-        evaluations += 1;
-        let candidate = retract(&state, &step).and_then(|s| Some((linearize(&s)?, s)));
-        match candidate {
-            Some((there, next)) if there.cost < here.cost => {
-                (state, here) = (next, there);
-                damping = (damping * 0.1).max(1e-12);
-            }
-            _ => {
-                damping *= 8.0;
-                if damping > MAX_DAMPING {
-                    break End::NoLowerStep;
+        evaluated += 1;
+        let cost = P::cost(&equations);
+        let candidate = problem.retract(&state, &step).and_then(|next| Some((problem.linearize(&next)?, next)));
+        match candidate.filter(|(there, _)| P::cost(there) <= cost) {
+            Some((there, next)) => {
+                (state, equations) = (next, there);
+                damping = (damping * P::DAMPING.taken).max(MIN_DAMPING);
+                if problem.is_last(&step, &state, cost, P::cost(&equations)) {
+                    break End::Converged;
                 }
             }
+            None => damping *= P::DAMPING.failed,
         }
     };
-    Some(Minimum { state, equations: here, end })
+    Some(Minimum { state, equations, end })
+}
+
+/// Normal equations of a few parameters: `J^T J`, `J^T r`, and the cost.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Equations<const N: usize> {
+    pub hessian: SMatrix<f64, N, N>,
+    pub gradient: SVector<f64, N>,
+    pub cost: f64,
+}
+
+impl<const N: usize> Equations<N> {
+    /// Without residuals.
+    pub(crate) fn zero() -> Self {
+        Self { hessian: SMatrix::zeros(), gradient: SVector::zeros(), cost: 0.0 }
+    }
+
+    /// The step with the diagonal of the Hessian increased by a share of itself.
+    pub(crate) fn step(&self, damping: f64) -> Option<SVector<f64, N>> {
+        let mut damped = self.hessian;
+        (0..N).for_each(|k| damped[(k, k)] *= 1.0 + damping);
+        solve_spd(&damped, &-self.gradient)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::{Vector2, Vector3};
+
+    /// Rosenbrock's function, with which steps count and which states are allowed.
+    struct Valley {
+        smallest: f64,
+        left: f64,
+    }
+
+    impl Problem for Valley {
+        type State = Vector2<f64>;
+        type Equations = Equations<2>;
+        type Step = Vector2<f64>;
+        const DAMPING: Damping = NEAR_MINIMUM;
+
+        fn linearize(&self, x: &Vector2<f64>) -> Option<Equations<2>> {
+            let rows = [(10.0 * (x[1] - x[0] * x[0]), Vector2::new(-20.0 * x[0], 10.0)), (1.0 - x[0], -Vector2::x())];
+            let mut equations = Equations::zero();
+            for (residual, row) in rows {
+                equations.cost += residual * residual;
+                equations.gradient += row * residual;
+                equations.hessian += row * row.transpose();
+            }
+            Some(equations)
+        }
+
+        fn cost(equations: &Equations<2>) -> f64 {
+            equations.cost
+        }
+
+        fn step(&self, equations: &Equations<2>, damping: f64) -> Option<Vector2<f64>> {
+            equations.step(damping)
+        }
+
+        fn retract(&self, x: &Vector2<f64>, step: &Vector2<f64>) -> Option<Vector2<f64>> {
+            Some(x + step).filter(|x| x[0] > self.left)
+        }
+
+        fn is_last(&self, step: &Vector2<f64>, _: &Vector2<f64>, before: f64, cost: f64) -> bool {
+            assert!(cost <= before);
+            step.norm() < self.smallest
+        }
+    }
 
     #[test]
     fn a_curved_valley_is_followed_to_its_bottom() {
-        // Rosenbrock's function in the first two parameters, a quadratic in the others.
-        let linearize = |x: &SVector<f64, 9>| {
-            let mut n = NormalEquations::zero();
-            let mut row = [0.0; 9];
-            (row[0], row[1]) = (-20.0 * x[0], 10.0);
-            n.add_quadratic(10.0 * (x[1] - x[0] * x[0]), &row);
-            row = [0.0; 9];
-            row[0] = -1.0;
-            n.add_quadratic(1.0 - x[0], &row);
-            for i in 2..9 {
-                let mut row = [0.0; 9];
-                row[i] = 1.0;
-                n.add_quadratic(x[i] - i as f64, &row);
+        let found = minimize(&Valley { smallest: 1e-9, left: -9.0 }, Vector2::new(-1.2, 1.0), 200).unwrap();
+        assert_eq!(found.end, End::Converged);
+        assert!((found.state - Vector2::repeat(1.0)).norm() < 1e-8, "{}", found.state);
+        assert_eq!(found.equations.cost, Valley::cost(&found.equations));
+    }
+
+    #[test]
+    fn states_that_are_not_allowed_are_avoided() {
+        // The minimum is outside: steps become shorter until none is worth taking.
+        let found = minimize(&Valley { smallest: 0.0, left: 1.5 }, Vector2::new(2.0, 4.0), 1000).unwrap();
+        assert_eq!(found.end, End::NoLowerStep);
+        assert!(found.state[0] > 1.5 && found.state[0] < 1.6, "{}", found.state);
+    }
+
+    #[test]
+    fn steps_are_used_up() {
+        let start = Vector2::new(-1.2, 1.0);
+        let found = minimize(&Valley { smallest: 1e-9, left: -9.0 }, start, 0).unwrap();
+        assert_eq!(found.state, start);
+        let End::UsedUp(next) = found.end else { panic!("{:?}", found.end) };
+        // Into the valley, where the first residual vanishes; damping shortens the way along it.
+        assert!((-4.4 + 24.0 * next[0] + 10.0 * next[1]).abs() < 0.01, "{next}");
+        assert!(next[0] > 1.0 && next[0] < 2.2, "{next}");
+    }
+
+    #[test]
+    fn singular_equations_end_the_loop() {
+        /// A parameter on which nothing depends.
+        struct Open;
+        impl Problem for Open {
+            type State = Vector3<f64>;
+            type Equations = Equations<3>;
+            type Step = Vector3<f64>;
+            const DAMPING: Damping = NEAR_MINIMUM;
+            fn linearize(&self, _: &Vector3<f64>) -> Option<Equations<3>> {
+                Some(Equations { cost: 1.0, ..Equations::zero() })
             }
-            Some(n)
-        };
-        let mut start = SVector::<f64, 9>::zeros();
-        start[0] = -1.2;
-        let stop = Stop { evaluations: 200, min_predicted_decrease: 1e-20 };
-        let (x, end) = minimize(start, stop, linearize, |x, d| Some(x + d)).unwrap();
-        assert!(end.cost < 1e-15, "{x} {}", end.cost);
-        assert!((x[0] - 1.0).abs() < 1e-6 && (x[8] - 8.0).abs() < 1e-6);
-    }
-
-    #[test]
-    fn the_reason_for_the_end_is_told() {
-        // A quartic: steps that Gauss and Newton take shorten the way by a third each.
-        let quartic = |x: &f64| {
-            let mut n = NormalEquations::zero();
-            let mut row = [0.0; 9];
-            row[0] = 2.0 * x;
-            n.add_quadratic(x * x, &row);
-            Some(n)
-        };
-        // |x|, as a residual whose derivative jumps: from 0 no step lowers it.
-        let kink = |x: &f64| {
-            let mut n = NormalEquations::zero();
-            let mut row = [0.0; 9];
-            row[0] = if *x < 0.0 { -1.0 } else { 1.0 };
-            n.add_quadratic(1.0 + x.abs(), &row);
-            Some(n)
-        };
-        let retract = |x: &f64, d: &SVector<f64, 9>| Some(x + d[0]);
-        let stop = |evaluations| Stop { evaluations, min_predicted_decrease: 1e-12 };
-        assert_eq!(minimum(1.0, stop(60), quartic, retract).unwrap().end, End::Converged);
-        assert_eq!(minimum(0.0, stop(60), kink, retract).unwrap().end, End::NoLowerStep);
-        let early = minimum(1.0, stop(2), quartic, retract).unwrap();
-        let End::UsedUp { promised } = early.end else { panic!("{:?}", early.end) };
-        // Of a cost of x^4 the undamped step promises all.
-        assert!((promised / early.state.powi(4) - 1.0).abs() < 0.01, "{promised} {}", early.state);
-    }
-
-    #[test]
-    fn a_start_that_is_not_allowed_is_refused() {
-        let stop = Stop { evaluations: 5, min_predicted_decrease: 0.0 };
-        assert!(minimize(0.0, stop, |_| None, |x, _| Some(*x)).is_none());
+            fn cost(equations: &Equations<3>) -> f64 {
+                equations.cost
+            }
+            fn step(&self, equations: &Equations<3>, damping: f64) -> Option<Vector3<f64>> {
+                equations.step(damping)
+            }
+            fn retract(&self, x: &Vector3<f64>, step: &Vector3<f64>) -> Option<Vector3<f64>> {
+                Some(x + step)
+            }
+        }
+        assert_eq!(minimize(&Open, Vector3::zeros(), 100).unwrap().end, End::NoLowerStep);
     }
 }

@@ -73,7 +73,7 @@ fn pair_up(pairs: &[Pair], part: &[usize], chosen: &mut Vec<usize>) {
     // The method wants as many columns as rows at least.
     let (n, m) = (rows.len().min(columns.len()), rows.len().max(columns.len()));
     if n.saturating_mul(n).saturating_mul(m) > MAX_STEPS {
-        return pair_greedily(pairs, part, chosen);
+        return pair_greedily(pairs, part.to_vec(), chosen);
     }
     let turned = rows.len() > columns.len();
     let mut gains = vec![0.0f64; n * m];
@@ -147,9 +147,15 @@ fn hungarian(gains: &[f64], n: usize, m: usize) -> Vec<usize> {
     columns
 }
 
-/// Takes the greatest gains first.
-fn pair_greedily(pairs: &[Pair], part: &[usize], chosen: &mut Vec<usize>) {
-    let mut order = part.to_vec();
+/// Places (in `pairs`) of the pairs that are made if the greatest gains are taken first, every row and column used once at most.
+pub(crate) fn greedy_pairs(pairs: &[Pair]) -> Vec<usize> {
+    let mut chosen = Vec::new();
+    pair_greedily(pairs, (0..pairs.len()).collect(), &mut chosen);
+    chosen
+}
+
+/// [`greedy_pairs`] of a part of the pairs.
+fn pair_greedily(pairs: &[Pair], mut order: Vec<usize>, chosen: &mut Vec<usize>) {
     order.stable_sort_by(|&a, &b| pairs[b].gain.total_cmp(&pairs[a].gain).then(a.cmp(&b)));
     let (mut rows, mut columns) = (std::collections::HashSet::new(), std::collections::HashSet::new());
     for k in order {
@@ -206,9 +212,9 @@ mod tests {
     fn greedy_and_best_differ_where_they_should() {
         let pairs = table(&[(0, 0, 3.0), (0, 1, 2.0), (1, 0, 2.5)]);
         assert_eq!(best_pairs(&pairs), [1, 2]);
-        let mut greedy = Vec::new();
-        pair_greedily(&pairs, &[0, 1, 2], &mut greedy);
-        assert_eq!(greedy, [0]);
+        assert_eq!(greedy_pairs(&pairs), [0]);
+        // Of equal gains the first one.
+        assert_eq!(greedy_pairs(&table(&[(0, 0, 1.0), (1, 1, 2.0), (0, 1, 2.0), (1, 2, 1.0)])), [1, 0]);
     }
 
     #[test]

@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::{CameraHeight, Gravity, LandmarkMap, LocateOptions, Query};
 use crate::geometry::rigid::Pose;
+use crate::optimize::median::median;
 use crate::scene::{BORDER_TOLERANCE_PX, edges_at_border};
 
 /// By how much a depth may lie outside of the range that the size of the box and of the body allow: errors of both.
@@ -153,9 +154,7 @@ impl<'a> PreparedQuery<'a> {
 
 /// The median depth of the candidates.
 fn median_depth(candidates: &[Candidate]) -> f64 {
-    let mut depths: Vec<f64> = candidates.iter().map(|candidate| candidate.depths[1]).collect();
-    depths.sort_by(f64::total_cmp);
-    depths.get(depths.len() / 2).copied().unwrap_or(0.0)
+    median(&mut candidates.iter().map(|candidate| candidate.depths[1]).collect::<Vec<f64>>()).unwrap_or(0.0)
 }
 
 /// Logarithm of the ratio of the largest to the smallest width (and height) of false boxes.

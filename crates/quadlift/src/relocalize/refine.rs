@@ -5,14 +5,11 @@ use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
 use super::prepared::{MeasuredBox, PreparedQuery};
 use crate::geometry::rigid::Pose;
 use crate::geometry::{VECH3, box_of_outline, skew};
+use crate::optimize::levenberg_marquardt::{Damping, Equations, NEAR_MINIMUM, Problem, minimize};
 use crate::optimize::student_t::StudentT;
 
 /// Degrees of freedom of an edge's Student t distribution, as of `posterior`.
 pub(super) const DOF: f64 = 9.0;
-
-/// First damping, and the factor by which it changes.
-const DAMPING: f64 = 1e-4;
-const DAMPING_FACTOR: f64 = 8.0;
 
 /// Squared step (radians, mean depths) below which the search has ended.
 const SMALL_STEP: f64 = 1e-22;
@@ -158,14 +155,8 @@ pub(super) fn edge_residuals(query: &PreparedQuery, predicted: &Predicted, of: &
     })
 }
 
-struct Equations {
-    hessian: Matrix6<f64>,
-    gradient: Vector6<f64>,
-    cost: f64,
-}
-
-fn equations(query: &PreparedQuery, pose: &Pose, matches: &[Match]) -> Option<Equations> {
-    let mut all = Equations { hessian: Matrix6::zeros(), gradient: Vector6::zeros(), cost: 0.0 };
+fn equations(query: &PreparedQuery, pose: &Pose, matches: &[Match]) -> Option<Equations<6>> {
+    let mut all = Equations::zero();
     let student_t = StudentT::new(DOF);
     for of in matches {
         let predicted = Predicted::of_landmark(query, pose, of.landmark)?;
@@ -245,31 +236,45 @@ pub(super) struct Refined {
     pub cost: f64,
 }
 
+/// Boxes of a query, and the landmarks that they are taken for.
+struct Matched<'a> {
+    query: &'a PreparedQuery<'a>,
+    matches: &'a [Match],
+}
+
+impl Problem for Matched<'_> {
+    type State = Pose;
+    type Equations = Equations<6>;
+    type Step = Vector6<f64>;
+    const DAMPING: Damping = NEAR_MINIMUM;
+
+    fn linearize(&self, pose: &Pose) -> Option<Equations<6>> {
+        equations(self.query, pose, self.matches)
+    }
+
+    fn cost(equations: &Equations<6>) -> f64 {
+        equations.cost
+    }
+
+    fn step(&self, equations: &Equations<6>, damping: f64) -> Option<Vector6<f64>> {
+        equations.step(damping)
+    }
+
+    fn retract(&self, pose: &Pose, step: &Vector6<f64>) -> Option<Pose> {
+        Some(moved(pose, step))
+    }
+
+    fn is_last(&self, step: &Vector6<f64>, pose: &Pose, _: f64, _: f64) -> bool {
+        let depth = pose.translation.norm_squared().max(f64::MIN_POSITIVE);
+        let turn = step.fixed_rows::<3>(0).norm_squared();
+        turn + step.fixed_rows::<3>(3).norm_squared() / depth < SMALL_STEP
+    }
+}
+
 /// The pose near a start at which the matched boxes agree best; `None` where a body is not in front of the camera.
 pub(super) fn refine(query: &PreparedQuery, start: Pose, matches: &[Match], steps: usize) -> Option<Refined> {
-    let mut pose = start;
-    let mut now = equations(query, &pose, matches)?;
-    let mut damping = DAMPING;
-    for _ in 0..steps {
-        let mut damped = now.hessian;
-        (0..6).for_each(|k| damped[(k, k)] *= 1.0 + damping);
-        let Some(cholesky) = damped.cholesky() else { break };
-        let step = -cholesky.solve(&now.gradient);
-        let next = moved(&pose, &step);
-        match equations(query, &next, matches).filter(|next| next.cost <= now.cost) {
-            Some(better) => {
-                (pose, now) = (next, better);
-                damping /= DAMPING_FACTOR;
-                let depth = pose.translation.norm_squared().max(f64::MIN_POSITIVE);
-                let turn = step.fixed_rows::<3>(0).norm_squared();
-                if turn + step.fixed_rows::<3>(3).norm_squared() / depth < SMALL_STEP {
-                    break;
-                }
-            }
-            None => damping *= DAMPING_FACTOR * DAMPING_FACTOR,
-        }
-    }
-    Some(Refined { pose, information: now.hessian, cost: now.cost })
+    let found = minimize(&Matched { query, matches }, start, steps)?;
+    Some(Refined { pose: found.state, information: found.equations.hessian, cost: found.equations.cost })
 }
 
 #[cfg(test)]

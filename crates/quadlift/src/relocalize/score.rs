@@ -5,6 +5,7 @@ use std::f64::consts::{PI, TAU};
 use super::LocatedPose;
 use super::prepared::PreparedQuery;
 use super::refine::{Match, Predicted, covariance, edge_residuals, refine};
+use crate::geometry::linalg::invert_spd;
 use crate::geometry::rigid::Pose;
 use crate::optimize::matching::{Pair, best_pairs};
 use crate::optimize::student_t::StudentT;
@@ -138,6 +139,8 @@ pub(super) fn located(query: &PreparedQuery, start: Pose) -> Option<LocatedPose>
     let information = refined?.information;
     let predicted = predictions(query, &pose);
     let (matches, gains) = matches(query, &predicted);
+    // What the matches leave open, up to rounding errors, is no pose.
+    invert_spd(&information)?;
     let cholesky = information.cholesky()?;
     let log_determinant = 2.0 * cholesky.l().diagonal().iter().map(|x| x.ln()).sum::<f64>();
     let mut evidence = gains + log_missed(query, &matches, &predicted);

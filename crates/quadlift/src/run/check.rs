@@ -9,7 +9,7 @@ use crate::scene::{Detection, Scene};
 use crate::solve::Status;
 
 /// Maximum number of corrections of one scene: numbers that are found without ids are rough at first.
-pub const MAX_CORRECTIONS: usize = 3;
+const MAX_CORRECTIONS: usize = 3;
 
 /// Maximum number of detections that are associated for the check alone, which would take too long.
 const MAX_ASSOCIATED: usize = 5000;
@@ -29,7 +29,7 @@ pub struct Check {
 }
 
 impl Check {
-    /// Checks the detections of a source that name an object. If `fix` is set, corrects the input up to [`MAX_CORRECTIONS`] times
+    /// Checks the detections of a source that name an object. If `fix` is set, corrects the input up to three times
     /// while it is inconsistent.
     ///
     /// # Errors

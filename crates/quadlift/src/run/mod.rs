@@ -10,7 +10,7 @@ mod sources;
 #[cfg(test)]
 mod tests;
 
-pub use check::{Check, MAX_CORRECTIONS, diagnose_source, diagnose_unnamed};
+pub use check::{Check, diagnose_source, diagnose_unnamed};
 pub use input::Input;
 pub use options::{AssociateWhen, RunOptions};
 

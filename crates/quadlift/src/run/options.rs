@@ -22,7 +22,7 @@ pub enum AssociateWhen {
 
 impl AssociateWhen {
     /// All values, in the order of their names.
-    pub const ALL: [Self; 3] = [Self::Auto, Self::Never, Self::Always];
+    pub(crate) const ALL: [Self; 3] = [Self::Auto, Self::Never, Self::Always];
     /// The names of all values, as [`Display`] writes and [`FromStr`] reads them.
     pub const NAMES: [&str; 3] = ["auto", "never", "always"];
 

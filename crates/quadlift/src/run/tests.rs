@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 use super::*;
 use crate::diagnosis::{BoxFormat, Correction, Diagnosis, Mistake};
-use crate::solve::{Estimate, PosteriorOptions, Status};
+use crate::solve::{Estimate, PosteriorOptions, SceneSolution, Status};
 use crate::synthetic::{Noise, Observations, SyntheticOptions, Trajectory, generate};
 
 fn scene(noise: f64) -> Scene {
@@ -87,7 +87,8 @@ fn a_mistake_is_named_and_corrected_only_where_that_is_asked_for() {
 #[test]
 fn an_inconsistent_scene_has_no_object_that_is_ok_unless_it_is_accepted() {
     let estimates = vec![Estimate::failed(0, None, Status::Ok), Estimate::failed(1, None, Status::Degenerate)];
-    let localization = Localization { estimates, ..Localization::default() };
+    let localization =
+        Localization { solution: SceneSolution { estimates, ..Default::default() }, ..Default::default() };
     for (consistent, accepted, status) in
         [(false, false, Status::Inconsistent), (false, true, Status::Ok), (true, false, Status::Ok)]
     {
@@ -120,7 +121,10 @@ fn refined_poses_may_settle_an_inconsistency() {
         shift: nalgebra::Vector3::zeros(),
         covariance: None,
     };
-    let localization = Localization { refined_poses: vec![pose], ..Localization::default() };
+    let localization = Localization {
+        solution: SceneSolution { refined_poses: vec![pose], ..Default::default() },
+        ..Default::default()
+    };
     let mut concluded = check.clone();
     concluded.conclude(&mut localization.clone(), false, false);
     assert!(!concluded.diagnosis.consistent);

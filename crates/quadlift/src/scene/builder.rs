@@ -11,6 +11,7 @@ use super::error::SceneError;
 use super::outlines::{Outlines, Shape, check_outline};
 use super::parts::{Detection, Frame, RigCamera, SceneParts, Undistorted};
 use super::points::{PointObservation, TrackedPoint, check_points};
+use super::views::DepthScale;
 use crate::geometry::{BoundingBox, CamFromWorld, Camera, Ellipse, OrientedBox, Projection};
 use crate::sorting::StableSort;
 
@@ -171,15 +172,11 @@ impl SceneBuilder {
         intern(Some(name), &mut self.cue_sources, &mut self.scene.cue_sources).ok_or(SceneError::TooLarge)
     }
 
-    /// Says that the depths of a source have another scale in each frame; `source` is an index that [`Self::cue_source`] gave.
-    pub fn scale_by_frame(&mut self, source: u32) {
-        self.scene.scaled_by_frame.insert(source);
-    }
-
-    /// Says that the depths of a source are lengths of the world, so that no scale is estimated; `source` is an index that
-    /// [`Self::cue_source`] gave.
-    pub fn scale_is_known(&mut self, source: u32) {
-        self.scene.scale_known.insert(source);
+    /// Which depths of a source share a scale; `source` is an index that [`Self::cue_source`] gave.
+    pub fn set_depth_scale(&mut self, source: u32, scale: DepthScale) {
+        let (by_frame, known) = (scale == DepthScale::Frame, scale == DepthScale::Known);
+        self.scene.scaled_by_frame.extend(by_frame.then_some(source));
+        self.scene.scale_known.extend(known.then_some(source));
     }
 
     /// Adds a detection, measured in the image as it is; if the frame's camera has a lens model, it is undistorted.

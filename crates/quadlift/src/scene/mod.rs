@@ -18,13 +18,14 @@ pub use cues::{Box3dCue, Box3dSd, CueError, Cues, DepthCue};
 pub use error::{OutlineError, SceneError};
 pub use occluded::occluded_edges;
 pub(crate) use outlines::extreme_corners;
-pub use outlines::{FrameOutline, Outlines, Shape, check_outline, occluded_lines};
+pub use outlines::{Outlines, Shape, check_outline, occluded_lines};
 pub use parts::{Detection, Frame, RigCamera, SceneParts, Undistorted};
 pub use points::{PointObservation, TrackedPoint};
 pub use skipped::SkippedDetections;
 pub use sources::SourceError;
+pub(crate) use views::ObjectViews;
 pub(crate) use views::{BORDER_TOLERANCE_PX, edges_at_border};
-pub use views::{DepthScale, ObjectViews, View};
+pub use views::{DepthScale, View};
 
 use std::ops::Deref;
 

@@ -127,15 +127,13 @@ impl Outlines {
     }
 }
 
-/// The frame of an outline, and its corners in pixels.
-pub type FrameOutline<'a, F> = (F, &'a [[f64; 2]]);
-
-/// Which lines (in [`SUPPORT_DIRECTIONS`]) of outlines end where another outline of the same frame begins. Outlines that are wrong neither
+/// Which lines (in [`SUPPORT_DIRECTIONS`]) of outlines end where another outline of the same frame begins: for each its frame and its
+/// corners in pixels. Outlines that are wrong neither
 /// hide nor are hidden. The size of the image is not known here: lines that its border cuts off may count as hidden.
-pub fn occluded_lines<F: Ord>(outlines: &[Option<FrameOutline<'_, F>>]) -> Vec<[bool; SUPPORT_DIRECTIONS]> {
+pub fn occluded_lines<F: Ord, C: AsRef<[[f64; 2]]>>(outlines: &[Option<(F, C)>]) -> Vec<[bool; SUPPORT_DIRECTIONS]> {
     let mut by_frame: BTreeMap<&F, Vec<ImageOutline>> = BTreeMap::new();
     for (index, (frame, corners)) in outlines.iter().enumerate().filter_map(|(k, found)| Some((k, found.as_ref()?))) {
-        if let Ok(outline) = ImageOutline::in_image(index, corners, None, None) {
+        if let Ok(outline) = ImageOutline::in_image(index, corners.as_ref(), None, None) {
             by_frame.entry(frame).or_default().push(outline);
         }
     }

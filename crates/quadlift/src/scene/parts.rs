@@ -130,7 +130,7 @@ pub struct Detection {
 
 impl Detection {
     /// The box of the measurement in pixels: the box itself, or the one around the ellipse.
-    pub fn measured_box(&self) -> Option<BoundingBox> {
+    pub(crate) fn measured_box(&self) -> Option<BoundingBox> {
         self.bounding_box.or_else(|| self.ellipse.map(|ellipse| ellipse.bounding_box()))
     }
 

@@ -28,7 +28,7 @@ pub struct PointObservation {
 impl PointObservation {
     /// A pixel that was measured in the image of a frame as it is, through its lens if it has one; `None` where the lens has no
     /// pinhole pixel for it ([`Camera::undistort_point`]).
-    pub fn in_image(frame_index: u32, lens: Option<&Camera>, pixel: Vector2<f64>) -> Option<Self> {
+    pub(crate) fn in_image(frame_index: u32, lens: Option<&Camera>, pixel: Vector2<f64>) -> Option<Self> {
         let Some(lens) = lens else { return Some(Self { frame_index, pixel, stretch: 1.0 }) };
         let at = |x: f64, y: f64| lens.undistort_point(&(pixel + Vector2::new(x, y)));
         let right = at(0.5, 0.0)? - at(-0.5, 0.0)?;

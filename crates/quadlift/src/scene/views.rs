@@ -122,7 +122,7 @@ impl View {
     /// The view with the edges cut off that lie within `tolerance` pixels of the image border; none if the image size
     /// is unknown.
     #[must_use]
-    pub fn with_cut_off_edges(mut self, tolerance: f64) -> Self {
+    pub(crate) fn with_cut_off_edges(mut self, tolerance: f64) -> Self {
         let measured = self.measured_box().map(|measured| self.in_image(&measured));
         self.cut_off = measured.map_or([false; 4], |b| edges_at_border(&b, self.image_size, tolerance));
         self.tangent_lines = self.tangent_lines.map(|lines| lines.with_cut_off_edges(self.cut_off));
@@ -144,14 +144,14 @@ impl View {
 
     /// Where a measured box, or the box around a measured ellipse, lies in the image itself, whose border may cut it:
     /// somewhere else only where a lens bends the image.
-    pub fn in_image(&self, measured: &BoundingBox) -> BoundingBox {
+    pub(crate) fn in_image(&self, measured: &BoundingBox) -> BoundingBox {
         self.box_in_image.unwrap_or(*measured)
     }
 }
 
 /// All views of one object, with its names.
 #[derive(Debug, Clone, Default)]
-pub struct ObjectViews {
+pub(crate) struct ObjectViews {
     /// Index into [`crate::scene::SceneParts::object_ids`].
     pub object_index: usize,
     /// Index into [`crate::scene::SceneParts::categories`]: the most frequent category of its detections, the first one
@@ -207,7 +207,7 @@ impl Scene {
     }
 
     /// Gathers the views of one object from the indices of its detections.
-    pub fn object_views(&self, object_index: usize, detections: &[u32]) -> ObjectViews {
+    pub(crate) fn object_views(&self, object_index: usize, detections: &[u32]) -> ObjectViews {
         let mut counts: Vec<(u32, usize)> = Vec::new();
         let mut views = Vec::with_capacity(detections.len());
         for &index in detections {

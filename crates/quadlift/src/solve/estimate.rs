@@ -128,9 +128,6 @@ pub enum Rejection {
 }
 
 impl Rejection {
-    /// All of them, in the order of the documentation.
-    pub const ALL: [Self; 2] = [Self::Residual, Self::BehindCamera];
-
     /// The name in files.
     pub fn name(self) -> &'static str {
         match self {
@@ -161,7 +158,7 @@ pub struct ViewReport {
 
 impl ViewReport {
     /// A view of an object that could not be solved.
-    pub fn not_used(frame_index: usize) -> Self {
+    pub(crate) fn not_used(frame_index: usize) -> Self {
         Self { inlier: false, ..Self::without_body(frame_index) }
     }
 

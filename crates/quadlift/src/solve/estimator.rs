@@ -73,7 +73,7 @@ impl Estimator {
             options,
             watch: &Watch::new(&Unobserved, 1),
         };
-        let mut solution = posterior(1, &|_| object.clone(), &context, &|_| Vec::new());
+        let (mut solution, ..) = posterior(1, &|_| object.clone(), &context, &|_| Vec::new());
         solution.estimates.swap_remove(0)
     }
 }

@@ -8,6 +8,7 @@ mod refined_pose;
 mod noise_model;
 mod options;
 mod learned_size;
+mod scene_solution;
 pub(crate) mod plausible;
 mod streaming_qr;
 mod triangulate;
@@ -19,7 +20,7 @@ pub(crate) mod posterior;
 mod validate;
 mod estimator;
 
-pub use closed_form::lfd::{ConditionedSolution, lfd, lfd_from};
+pub use closed_form::lfd::{ConditionedSolution, lfd};
 pub use closed_form::pfd::{ClosedFormError, PfdSolution, pfd};
 pub use closed_form::reg::{RegSolution, reg};
 pub(crate) use closed_form::solve_closed_form;
@@ -31,8 +32,7 @@ pub use estimate::{
 };
 pub use estimator::Estimator;
 pub use learned_size::LearnedCategorySize;
-pub(crate) use noise_model::POSE_NOISE_NAMES;
-pub use noise_model::{NOISE_NAMES, NoiseModel, NoiseModelError};
+pub use noise_model::{NoiseModel, NoiseModelError};
 pub(crate) use options::BORDER_MARGIN;
 pub use options::{
     CategoryPrior, CategoryPriors, Method, PoseMotion, PoseNoise, PosteriorOptions, RegOptions, SizePrior,
@@ -42,6 +42,7 @@ pub(crate) use prediction::LARGE_ERROR;
 pub use prediction::Prediction;
 pub(crate) use prediction::{Fold, FoldPrediction, predict_fold};
 pub use refined_pose::RefinedPose;
+pub use scene_solution::SceneSolution;
 pub use triangulate::triangulate;
 pub use validate::OptionError;
 pub(crate) use validate::refuse;

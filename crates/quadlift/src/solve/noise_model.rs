@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 /// Names of the noise levels that can be given, as results report them; see [`NoiseModel`]. First the kinds of errors, in the
 /// order of the noise groups of `posterior`.
-pub const NOISE_NAMES: [&str; 31] = [
+pub(super) const NOISE_NAMES: [&str; 31] = [
     "edge_noise",
     "occluded_edge_noise",
     "ellipse_center",

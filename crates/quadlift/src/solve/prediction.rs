@@ -33,7 +33,7 @@ pub struct Prediction {
 impl Prediction {
     /// Compares a body with a view. `border_margin` is [`super::PosteriorOptions::border_margin`]. `None` for a view without
     /// box and ellipse.
-    pub fn new(object_index: usize, view: &View, body: &Body, border_margin: f64) -> Option<Self> {
+    pub(crate) fn new(object_index: usize, view: &View, body: &Body, border_margin: f64) -> Option<Self> {
         let measured = view.measured_box()?;
         let margin = view.image_size.map_or(0.0, |size| border_margin * size.max()).max(BORDER_TOLERANCE_PX);
         let cut_off = edges_at_border(&view.in_image(&measured), view.image_size, margin);
@@ -47,7 +47,7 @@ impl Prediction {
 
     /// Error of each edge `x0, y0, x1, y1` relative to the mean half size `(w + h) / 4` of the measured box: positive
     /// if the predicted box is larger. Absent for edges that are cut off, and without a predicted box.
-    pub fn edge_errors(&self) -> [Option<f64>; 4] {
+    pub(crate) fn edge_errors(&self) -> [Option<f64>; 4] {
         let Some(predicted) = self.predicted else { return [None; 4] };
         let (half_size, measured, predicted) =
             (self.measured.mean_half_size(), self.measured.edges(), predicted.edges());
@@ -59,7 +59,7 @@ impl Prediction {
 
     /// Root mean square of [`Prediction::edge_errors`]; infinite without a predicted box, absent where every edge is cut
     /// off.
-    pub fn error(&self) -> Option<f64> {
+    pub(crate) fn error(&self) -> Option<f64> {
         if self.predicted.is_none() {
             return Some(f64::INFINITY);
         }

@@ -14,7 +14,7 @@ impl Method {
     ///
     /// # Errors
     /// [`OptionError`] names the first option that is out of range.
-    pub fn validate(&self) -> Result<(), OptionError> {
+    pub(crate) fn validate(&self) -> Result<(), OptionError> {
         match self {
             Self::Posterior(options) => options.validate(),
             Self::Reg(options) => check_lambda(options),
@@ -28,7 +28,7 @@ impl PosteriorOptions {
     ///
     /// # Errors
     /// [`OptionError`] names the first option that is out of range.
-    pub fn validate(&self) -> Result<(), OptionError> {
+    pub(crate) fn validate(&self) -> Result<(), OptionError> {
         if let Some(q) = self.body.map(BodyKind::exponent)
             && !(1.0..=2.0).contains(&q)
         {

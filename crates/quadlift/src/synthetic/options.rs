@@ -178,12 +178,12 @@ pub enum Observations {
 
 impl Observations {
     /// Whether ellipses are measured.
-    pub fn ellipses(self) -> bool {
+    pub(crate) fn ellipses(self) -> bool {
         self != Self::Boxes
     }
 
     /// Whether boxes are measured.
-    pub fn boxes(self) -> bool {
+    pub(crate) fn boxes(self) -> bool {
         self != Self::Ellipses
     }
 }
@@ -208,7 +208,7 @@ pub enum Noise {
 
 impl Noise {
     /// The amount, in the unit of the kind.
-    pub fn amount(self) -> f64 {
+    pub(crate) fn amount(self) -> f64 {
         match self {
             Self::Rotation(m)
             | Self::Size(m)
@@ -278,7 +278,7 @@ pub enum SyntheticError {
 
 impl SyntheticOptions {
     /// Kind of the object with this number.
-    pub fn kind_of(&self, object: usize) -> BodyKind {
+    pub(crate) fn kind_of(&self, object: usize) -> BodyKind {
         if self.kinds.is_empty() { self.body } else { self.kinds[object % self.kinds.len()] }
     }
 

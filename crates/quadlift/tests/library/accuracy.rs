@@ -268,7 +268,7 @@ fn a_cuboid_that_was_chosen_is_written_like_one_that_was_asked_for() {
     let synthetic = generate(&SyntheticOptions { objects: 12, body: BodyKind::Cuboid, ..boxes(0.0)(3) }).unwrap();
     let run = |body| {
         let options = LocalizeOptions::from(PosteriorOptions { body, ..Default::default() });
-        localize(&synthetic.scene, &options).unwrap().estimates
+        localize(&synthetic.scene, &options).unwrap().solution.estimates
     };
     for (chosen, asked) in run(None).iter().zip(run(Some(BodyKind::Cuboid))) {
         assert_eq!(chosen.body, asked.body);
@@ -293,7 +293,7 @@ fn wrong_poses_are_found_out() {
     let score = |pose_noise: Option<PoseNoise>| {
         let map = PosteriorOptions { body: Some(BodyKind::Ellipsoid), pose_noise, ..Default::default() };
         let options = LocalizeOptions::from(map);
-        let estimates = localize(&synthetic.scene, &options).unwrap().estimates;
+        let estimates = localize(&synthetic.scene, &options).unwrap().solution.estimates;
         let ious =
             estimates.iter().zip(&synthetic.truth).map(|(e, (_, t))| e.body.map_or(0.0, |b| iou3d_bodies(&b, t)));
         ious.sum::<f64>() / synthetic.truth.len() as f64
@@ -310,7 +310,7 @@ fn uncertainties_have_the_unit_of_the_world() {
         let sds = |scale: f64| -> Vec<f64> {
             let made = generate(&SyntheticOptions { objects: 4, scale, body, ..boxes(0.03)(2) }).unwrap();
             let map = PosteriorOptions { body: Some(body), ..Default::default() };
-            let estimates = localize(&made.scene, &LocalizeOptions::from(map)).unwrap().estimates;
+            let estimates = localize(&made.scene, &LocalizeOptions::from(map)).unwrap().solution.estimates;
             estimates.iter().map(|e| e.center_sd().unwrap()).collect()
         };
         for (one, thousand) in sds(1.0).into_iter().zip(sds(1000.0)) {
@@ -334,7 +334,7 @@ fn detections_without_what_is_used_are_counted_and_their_objects_have_used_no_vi
     assert!(found.estimates.iter().all(|estimate| estimate.views_used() == 6));
     // Two views of three that are asked for: listed, and not used.
     let options = LocalizeOptions { min_views: 7, ..Default::default() };
-    for estimate in localize(&made.scene, &options).unwrap().estimates {
+    for estimate in localize(&made.scene, &options).unwrap().solution.estimates {
         assert_eq!((estimate.views.len(), estimate.views_used()), (6, 0));
         assert!(estimate.views.iter().all(|view| view.rejection_reason.is_none()));
     }

@@ -1,7 +1,7 @@
 //! Cuboids that fit their boxes in two ways: both are reported, and the uncertainty holds both.
 
 use quadlift::geometry::{Body, BodyKind};
-use quadlift::metrics::iou3d_cuboids;
+use quadlift::metrics::iou3d_bodies;
 use quadlift::solve::Warning;
 use quadlift::synthetic::{Noise, Observations, SyntheticOptions, generate};
 use quadlift::{Localization, LocalizeOptions, localize};
@@ -32,7 +32,7 @@ fn most_cuboids_that_came_out_wrong_have_another_answer_and_few_of_the_others() 
         for estimate in &localization.estimates {
             let iou = |body: &Body| {
                 assert_eq!(body.kind, BodyKind::Cuboid);
-                iou3d_cuboids(body, &truth[estimate.object_index])
+                iou3d_bodies(body, &truth[estimate.object_index])
             };
             let own = iou(estimate.body.as_ref().unwrap());
             let is_ambiguous = estimate.warnings.iter().any(|w| matches!(w, Warning::Ambiguous { .. }));

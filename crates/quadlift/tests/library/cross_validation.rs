@@ -128,7 +128,7 @@ fn the_sample_is_a_part_of_the_whole() {
         assert!((whole.predictions().find(same).unwrap().iou - prediction.iou).abs() < 5e-3);
     }
     assert!((sample.iou().unwrap() - whole.iou().unwrap()).abs() < 0.03);
-    let estimates = |extent| run(&scene, LocalizeOptions::default(), extent).estimates;
+    let estimates = |extent| run(&scene, LocalizeOptions::default(), extent).solution.estimates;
     assert_eq!(estimates(Extent::Nothing), estimates(Extent::All));
 }
 

@@ -59,7 +59,7 @@ fn in_order(scene: &Scene, order: &[usize]) -> Scene {
 /// Without occluded edges, which are looked at by themselves.
 fn run(scene: &Scene, correlated_views: bool) -> Vec<Estimate> {
     let map = PosteriorOptions { correlated_views, occluded_edges: false, ..Default::default() };
-    localize(scene, &LocalizeOptions::from(map)).unwrap().estimates
+    localize(scene, &LocalizeOptions::from(map)).unwrap().solution.estimates
 }
 
 /// The largest distance of centers in standard deviations, and whether the same number of views was used of every object.
@@ -167,8 +167,8 @@ proptest! {
         let (rotation, shift) = (Rotation3::from_euler_angles(angles[0], angles[1], angles[2]), Vector3::from(shift));
         let scale = log_scale.exp();
         let options = LocalizeOptions::default();
-        let before = localize(&scene, &options).unwrap().estimates;
-        let mut after = localize(&changed(&scene, &rotation, &shift, scale), &options).unwrap().estimates;
+        let before = localize(&scene, &options).unwrap().solution.estimates;
+        let mut after = localize(&changed(&scene, &rotation, &shift, scale), &options).unwrap().solution.estimates;
         after.reverse();
         for (a, b) in before.iter().zip(&after) {
             prop_assert_eq!(a.status, b.status);

@@ -118,7 +118,7 @@ fn single_objects_and_given_sizes_are_left_as_they_are() {
     let categories = CategoryOptions { categories: 6, sizes: CategorySizes::Any };
     let made = generate_categories(&options, &categories).unwrap();
     let (without, with) = (
-        localized(&made.scene, false, BodyKind::Ellipsoid).estimates,
+        localized(&made.scene, false, BodyKind::Ellipsoid).solution.estimates,
         localized(&made.scene, true, BodyKind::Ellipsoid),
     );
     assert!(without == with.estimates);

@@ -24,7 +24,7 @@ fn lines(ellipse: &Ellipse, x: f64) -> Option<Box<TangentLines>> {
 }
 
 fn mean_iou(synthetic: &SyntheticScene, scene: &Scene, options: &LocalizeOptions) -> f64 {
-    let estimates = localize(scene, options).unwrap().estimates;
+    let estimates = localize(scene, options).unwrap().solution.estimates;
     let iou = |k: usize| {
         let body = estimates[k].body.as_ref()?.ellipsoid();
         Some(iou3d_ellipsoids(&body, &synthetic.truth[estimates[k].object_index].1.ellipsoid()))
@@ -56,7 +56,7 @@ fn exact_masks_give_exact_bodies() {
         assert!(iou > 0.999, "{method:?} {iou}");
     }
     // Without masks nothing takes part.
-    let estimates = localize(&synthetic.scene, &with_masks(Method::default())).unwrap().estimates;
+    let estimates = localize(&synthetic.scene, &with_masks(Method::default())).unwrap().solution.estimates;
     assert!(estimates.iter().all(|estimate| estimate.body.is_none()));
 }
 

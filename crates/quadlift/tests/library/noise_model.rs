@@ -67,7 +67,7 @@ proptest! {
             let same = whole.estimates.iter().find(|other| scene.object_ids[other.object_index] == *id).unwrap();
             prop_assert_eq!(bits(estimate), bits(same));
         }
-        prop_assert_eq!(found.noise, noise_model);
+        prop_assert_eq!(found.solution.noise, noise_model);
     }
 }
 
@@ -113,7 +113,7 @@ fn levels_matter_and_a_ground_is_shared_all_the_same() {
     assert_eq!(one(&scene, &options), one(&first_alone, &options));
     // How far the objects' lowest points are apart: the ground draws them together.
     let spread = |options: &LocalizeOptions| {
-        let estimates = localize(&scene, options).unwrap().estimates;
+        let estimates = localize(&scene, options).unwrap().solution.estimates;
         let lowest = |e: &Estimate| {
             let body = e.ellipsoid().unwrap();
             body.center.z - body.shape()[(2, 2)].sqrt()

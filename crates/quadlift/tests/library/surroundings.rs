@@ -15,7 +15,7 @@ fn ellipsoids() -> PosteriorOptions {
 
 /// Mean volume IoU and mean distance of the centers, of the objects that have a body.
 fn score(synthetic: &SyntheticScene, map: PosteriorOptions) -> (f64, f64) {
-    let estimates = localize(&synthetic.scene, &LocalizeOptions::from(map)).unwrap().estimates;
+    let estimates = localize(&synthetic.scene, &LocalizeOptions::from(map)).unwrap().solution.estimates;
     let count = estimates.iter().filter(|estimate| estimate.body.is_some()).count() as f64;
     let (mut iou, mut distance) = (0.0, 0.0);
     for estimate in estimates.iter().filter(|estimate| estimate.body.is_some()) {
@@ -153,7 +153,7 @@ fn an_object_does_not_stand_on_what_it_alone_tells_of_the_ground() {
     let found = |cars: usize, on_ground: bool, camera_height: Option<f64>| {
         let (scene, truth) = cars_from_above(cars);
         let options = PosteriorOptions { priors: car(on_ground), camera_height, ..Default::default() };
-        let estimates = localize(&scene, &LocalizeOptions::from(options)).unwrap().estimates;
+        let estimates = localize(&scene, &LocalizeOptions::from(options)).unwrap().solution.estimates;
         let one = |(estimate, truth): (&Estimate, &Body)| {
             assert_eq!(estimate.status, Status::Ok);
             assert!(estimate.body.is_some_and(|body| body.kind == BodyKind::Cuboid), "{:?}", estimate.body);

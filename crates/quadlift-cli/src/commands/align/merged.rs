@@ -120,7 +120,7 @@ fn localize_again(args: &Args, merged: &mut Merged, out: &Output) -> anyhow::Res
     tell(check, &run.input.context, args.allow_inconsistent, title, out);
     let mut result = run.result();
     result.detections = run.input.file.detections.clone();
-    let estimates = &run.localization().estimates;
+    let estimates = &run.run.localization.estimates;
     let localized = count_localized(estimates);
     // Objects without detections (a map may have objects that its file shows in no frame) keep their estimates.
     let known: std::collections::BTreeSet<&str> = run.input.scene().object_ids.iter().map(String::as_str).collect();

@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use quadlift_io::file_names::FileNames;
+use quadlift_io::file_names::file_names;
 use quadlift_io::{ReadError, WriteError, write_file, write_folder};
 use quadlift_report::{Labels, Recording, frame_jpeg, recording};
 use rayon::prelude::*;
@@ -66,7 +66,7 @@ fn write_images(gathered: &Gathered, recording: &mut Recording, folder: &Path) -
     let subfolder = folder.join("images");
     std::fs::create_dir(&subfolder).map_err(|error| WriteError::new(&subfolder, error))?;
     let ids: Vec<String> = recording.frames.iter().map(|frame| frame.id.clone()).collect();
-    let names = FileNames::new(ids.iter().map(String::as_str));
+    let names = file_names(ids.iter().map(String::as_str));
     let names: Vec<String> = names.iter().map(|name| format!("images/{name}.jpg")).collect();
     let frames = recording.frames.par_iter_mut().zip(&names).filter(|(frame, _)| of_frame(frame.frame_index));
     let unread: Vec<Option<ReadError>> = frames

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use quadlift_io::coverage::{CoverageRecord, ResultAndTruth, coverage};
+use quadlift_io::coverage::{CoverageRecord, coverage};
 use quadlift_io::{SceneFile, read_scene_file};
 
 use crate::words::count;
@@ -14,7 +14,7 @@ pub(super) fn read_coverage(paths: &[PathBuf]) -> anyhow::Result<Option<Coverage
     }
     let files = paths.iter().map(|path| read_scene_file(path)).collect::<Result<Vec<_>, _>>()?;
     let files: Vec<(&Path, &SceneFile)> = paths.iter().map(PathBuf::as_path).zip(&files).collect();
-    let pairs: Vec<ResultAndTruth> = files.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect();
+    let pairs: Vec<[(&Path, &SceneFile); 2]> = files.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect();
     let found = coverage(&pairs)?;
     let names: Vec<[&Path; 2]> = pairs.iter().map(|[result, truth]| [result.0, truth.0]).collect();
     Ok(Some(CoverageRecord::of(&found, &names)))

@@ -85,7 +85,7 @@ pub(super) fn one_scene(
         write_localized(report, (&run.input.path, &run.input.file), images, run.input.scene(), result)?;
         document.report = Some(report.display().to_string());
     }
-    let localization = run.localization();
+    let localization = &run.run.localization;
     let localized = count_localized(&localization.estimates);
     let mut text = format!(
         "{HEADING}{}{HEADING:#}: {localized} of {} localized ({})\n\n",
@@ -141,7 +141,7 @@ pub(super) fn one_scene(
 /// With `--verbose`: rejected views, noise levels, and what the objects share. Odd scales of cues and points that do not fit are
 /// warnings.
 fn tell_details(run: &FileRun, record: &RunRecord, out: &Output) {
-    let (scene, localization) = (run.input.scene(), run.localization());
+    let (scene, localization) = (run.input.scene(), &run.run.localization);
     let labels = Labels::of_estimates(scene, localization);
     for estimate in &localization.estimates {
         let rejected: Vec<String> = estimate

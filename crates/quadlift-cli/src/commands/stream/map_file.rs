@@ -7,7 +7,8 @@ use quadlift::online::ObjectMap;
 use quadlift::run::{Check, Input};
 use quadlift_io::run::{FileInput, FileOptions};
 use quadlift_io::scene_file::Detail;
-use quadlift_io::stream::{StreamState, StreamedScene, write_state_file};
+use quadlift_io::stream::{StreamState, StreamedScene, write_state};
+use quadlift_io::write_file;
 use serde_json::{Map, Value};
 
 use crate::files::move_paths;
@@ -72,7 +73,7 @@ impl MapFiles<'_> {
 
     fn write_state(&self, stream: &StreamState) -> anyhow::Result<()> {
         if let Some(path) = self.state {
-            write_state_file(path, stream, self.lasting)?;
+            write_file(path, |out| write_state(out, stream, self.lasting))?;
         }
         Ok(())
     }

@@ -9,12 +9,13 @@ use quadlift::solve::PoseNoise;
 use quadlift_io::priors::check_meters;
 use quadlift_io::run::PriorSource;
 use quadlift_io::stream::{
-    AboutRecord, FrameLine, Line, LineError, MAX_LINE, NextLine, OutputLine, PoseRecord, StreamState, StreamedScene,
-    parse_line, read_state_file,
+    AboutRecord, FrameLine, Line, LineError, OutputLine, PoseRecord, StreamState, StreamedScene, parse_line,
+    read_state_file,
 };
 use serde_json::{Map, Value};
 
 use super::Args;
+use super::lines::{MAX_LINE, NextLine};
 use super::map_file::MapFiles;
 use super::rerun::Live;
 use super::source::{Item, Source};
@@ -178,7 +179,7 @@ impl<'a> Session<'a> {
             self.about(number, &about)?;
         }
         for (index, frame) in frames.into_iter().enumerate() {
-            if needs_meters && let Err(problem) = check_meters(self.stream.scene.length_unit()) {
+            if needs_meters && let Err(problem) = check_meters(self.stream.scene.about().length_unit.as_deref()) {
                 bail!("{problem}");
             }
             self.frame(number, is_list.then_some(index), frame)?;

@@ -1,7 +1,7 @@
 //! Where frames come from: lines, which another thread reads, the frames of a scene, or those of a log.
 
 use std::fs::File;
-use std::io::{self, BufReader, IsTerminal};
+use std::io::{self, BufRead, BufReader, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,8 +10,9 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use anyhow::{Context, bail};
 use quadlift::scene::SourceError;
 use quadlift_io::mcap::{Frames, McapLog, McapOptions, Next, Problem, is_mcap};
-use quadlift_io::stream::{AboutRecord, FrameLine, Input, LineReader, NextLine, open, scene_to_frames};
+use quadlift_io::stream::{AboutRecord, FrameLine, open, scene_to_frames};
 
+use super::lines::{LineReader, NextLine};
 use crate::files::read_scene;
 use crate::output::{Output, one_line};
 use crate::signals;
@@ -87,7 +88,7 @@ impl Source {
             // Where there is no room the receiver has something to do, and looks at the flag then.
             let _ = to_receiver.try_send(Message::Stop);
         });
-        let (from, input): (_, Input) = match path {
+        let (from, input): (_, Box<dyn BufRead + Send>) = match path {
             Some(path) => (path.to_owned(), open(path)?),
             None => (PathBuf::from("standard input"), Box::new(BufReader::new(io::stdin()))),
         };
@@ -163,7 +164,7 @@ fn open_log(path: &Path, source: Option<&str>, mut options: McapOptions, out: &O
 }
 
 /// Sends the lines of an input until it ends or nobody wants them.
-fn send_lines(input: Input, sender: &SyncSender<Message>) {
+fn send_lines(input: impl BufRead, sender: &SyncSender<Message>) {
     let mut reader = LineReader::new(input);
     loop {
         let (message, is_last) = match reader.next_line() {

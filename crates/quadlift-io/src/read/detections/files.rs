@@ -57,7 +57,7 @@ pub struct ImageKey {
 
 impl ImageKey {
     /// The name of the image for messages.
-    pub fn words(&self) -> String {
+    pub(crate) fn words(&self) -> String {
         match (&self.name, self.number, self.time) {
             (Some(name), _, _) => name.clone(),
             (None, Some(number), _) => number.to_string(),

@@ -24,7 +24,7 @@ use crate::association::statistics::EDGE_LIKELIHOOD;
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::geometry::linalg::{cholesky, invert_spd};
-use crate::optimize::levenberg_marquardt::{Stop, minimize};
+use crate::optimize::minimize::{Stop, minimize};
 use crate::optimize::normal_equations::NormalEquations;
 
 /// Standard deviation of the deviation of log semi-axes from their mean. Wider than that of the estimators (0.4):

@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::association::input::observations::{BoxObservation, Camera, Observations};
 use crate::geometry::linalg::{invert_spd, solve_spd};
+use crate::geometry::ray_sum::RaySum;
 
 /// Standard deviation of a ray across its direction, in radii of the sphere that fills the box.
 pub(crate) const RAY_SD: f64 = 0.2;
@@ -68,26 +69,24 @@ pub(crate) fn pair_sphere(a: (&Camera, &BoxObservation), b: (&Camera, &BoxObserv
     Some(PairSphere { sphere: Sphere { center, log_radius: 0.5 * (ra * rb).ln() }, disagreement })
 }
 
-/// The information matrix of the center from the rays through boxes, and its sum weighted with the camera centers.
-fn information(observations: &Observations, boxes: &[u32], center: &Vector3<f64>) -> (Matrix3<f64>, Vector3<f64>) {
-    let (mut sum, mut toward) = (Matrix3::zeros(), Vector3::zeros());
+/// The information about the center from the rays through boxes.
+fn information(observations: &Observations, boxes: &[u32], center: &Vector3<f64>) -> RaySum {
+    let mut rays = RaySum::zero();
     for &index in boxes {
         let observation = &observations.boxes[index as usize];
         let camera = &observations.cameras[observation.frame];
         let squared = observation.ray.norm_squared();
         let depth = ((center - camera.center).dot(&observation.ray) / squared).abs().max(1e-9);
         let weight = (RAY_SD * observation.radius_per_depth * depth).powi(-2);
-        let across = (Matrix3::identity() - observation.ray * observation.ray.transpose() / squared) * weight;
-        sum += across;
-        toward += across * camera.center;
+        rays.add(&camera.center, &observation.ray, squared, weight);
     }
-    (sum, toward)
+    rays
 }
 
 /// Covariance of the center of a sphere seen along the rays through boxes; isotropic with its radius if they do not
 /// determine it.
 pub(crate) fn center_covariance(observations: &Observations, boxes: &[u32], sphere: &Sphere) -> Matrix3<f64> {
-    let (mut sum, _) = information(observations, boxes, &sphere.center);
+    let mut sum = information(observations, boxes, &sphere.center).information;
     sum += Matrix3::identity() * (1e-7 * sum.trace());
     invert_spd(&sum).unwrap_or_else(|| Matrix3::identity() * (2.0 * sphere.log_radius).exp())
 }
@@ -96,11 +95,11 @@ pub(crate) fn center_covariance(observations: &Observations, boxes: &[u32], sphe
 pub(crate) fn triangulate_sphere(observations: &Observations, boxes: &[u32], guess: &Vector3<f64>) -> Option<Sphere> {
     let mut center = *guess;
     for _ in 0..2 {
-        let (mut sum, mut toward) = information(observations, boxes, &center);
-        let little = 1e-7 * sum.trace();
-        sum += Matrix3::identity() * little;
+        let RaySum { mut information, mut toward } = information(observations, boxes, &center);
+        let little = 1e-7 * information.trace();
+        information += Matrix3::identity() * little;
         toward += center * little;
-        center = solve_spd(&sum, &toward)?;
+        center = solve_spd(&information, &toward)?;
     }
     let mut log_radius = 0.0;
     for &index in boxes {

@@ -82,7 +82,7 @@ impl BodyKind {
     pub const ALL: [Self; 4] = [Self::Ellipsoid, Self::Cuboid, Self::Cylinder, Self::Superellipsoid(1.5)];
 
     /// The names of all kinds on the command line, where Q stands for an exponent.
-    pub const NAMES: [&str; 4] =
+    pub(crate) const NAMES: [&str; 4] =
         ["ellipsoid", "cuboid", "cylinder", "superellipsoid:Q with Q from 1 (cuboid) to 2 (ellipsoid)"];
 
     /// The kind with a name, if it has a parameter with this one.

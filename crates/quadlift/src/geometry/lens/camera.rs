@@ -8,7 +8,7 @@ use crate::geometry::camera_model::{CameraModel, MAX_PARAMETERS};
 
 /// Rays farther than this from the optical axis are not undistorted, in degrees: in the plane of a pinhole camera they
 /// lie almost six focal lengths out and a pixel of the lens covers more than thirty.
-pub const WIDEST_ANGLE_DEG: f64 = 80.0;
+const WIDEST_ANGLE_DEG: f64 = 80.0;
 
 /// A camera of one of COLMAP's models.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,7 +70,7 @@ impl Camera {
     }
 
     /// The parameters in COLMAP's order.
-    pub fn params(&self) -> &[f64] {
+    pub(crate) fn params(&self) -> &[f64] {
         &self.params[..self.model.parameter_names().len()]
     }
 
@@ -91,7 +91,7 @@ impl Camera {
     }
 
     /// Whether the camera is a pinhole camera already, so that nothing is to be undistorted.
-    pub fn is_pinhole(&self) -> bool {
+    pub(crate) fn is_pinhole(&self) -> bool {
         matches!(self.model, CameraModel::SimplePinhole | CameraModel::Pinhole)
     }
 

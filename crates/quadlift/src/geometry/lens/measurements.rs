@@ -20,7 +20,7 @@ impl Camera {
 
     /// The ellipse that has the center and the second moments of the undistorted outline (of 32 of its points). Where
     /// the lens is affine over the ellipse this is exact. `None` when a point of the outline cannot be undistorted.
-    pub fn undistort_ellipse(&self, ellipse: &Ellipse) -> Option<Ellipse> {
+    pub(crate) fn undistort_ellipse(&self, ellipse: &Ellipse) -> Option<Ellipse> {
         if self.is_pinhole() {
             return Some(*ellipse);
         }

@@ -9,4 +9,4 @@ mod measurements;
 #[cfg(test)]
 mod tests;
 
-pub use camera::{Camera, WIDEST_ANGLE_DEG};
+pub use camera::Camera;

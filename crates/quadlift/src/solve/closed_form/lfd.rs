@@ -51,25 +51,11 @@ pub fn lfd(observations: &[(Projection, Ellipse)]) -> Result<ConditionedSolution
     }
     let centers: Vec<_> = observations.iter().map(|(projection, ellipse)| (*projection, ellipse.center)).collect();
     let start = triangulate(&centers).ok_or(ClosedFormError::Degenerate)?;
-    lfd_from(observations, &start)
-}
-
-/// [`lfd`] with the first pass in the frame of a known point of (or near) the object.
-///
-/// # Errors
-/// [`ClosedFormError`].
-pub fn lfd_from(
-    observations: &[(Projection, Ellipse)],
-    start: &Point3<f64>,
-) -> Result<ConditionedSolution, ClosedFormError> {
-    if observations.len() < MIN_VIEWS {
-        return Err(ClosedFormError::TooFewViews { found: observations.len(), needed: MIN_VIEWS });
-    }
-    let depth = observations.iter().map(|(p, _)| p.depth(start).abs()).sum::<f64>() / observations.len() as f64;
+    let depth = observations.iter().map(|(p, _)| p.depth(&start).abs()).sum::<f64>() / observations.len() as f64;
     if !(depth.is_finite() && depth > 0.0) {
         return Err(ClosedFormError::Degenerate);
     }
-    let mut solution = ConditionedSolution { center: *start, shape: Matrix3::zeros() };
+    let mut solution = ConditionedSolution { center: start, shape: Matrix3::zeros() };
     for _ in 0..PASSES {
         solution = one_pass(observations, &solution.center, depth)?;
     }

@@ -13,14 +13,18 @@ use nalgebra::{Const, Point3, QR, SMatrix, SVector};
 use super::arrowhead::{Arrowhead, PIXEL_ROUNDING};
 use super::pfd::{ClosedFormError, pixel_system};
 use crate::geometry::{DualQuadric, Ellipse, Projection, VECH4};
+use crate::optimize::levenberg_marquardt::{self, Damping, minimize};
 use crate::solve::options::RegOptions;
 use crate::solve::triangulate::{object_radius, triangulate};
 
 /// Two views suffice: the sphere determines the remaining parameters.
 const MIN_VIEWS: usize = 2;
 
-/// Maximum number of iterations.
-const MAX_ITERATIONS: usize = 200;
+/// Maximum number of steps.
+const MAX_STEPS: usize = 400;
+
+/// Relative decrease of the cost below which the iteration has converged.
+const MIN_DECREASE: f64 = 1e-11;
 
 /// `(t_1, t_2, t_3, log a, log b)`.
 type Sphere = SVector<f64, 5>;
@@ -36,8 +40,6 @@ pub struct RegSolution {
     pub betas: Vec<f64>,
     /// The cost at the solution, `|M w|^2 + lambda |v - vech S*|^2`.
     pub cost: f64,
-    /// Iterations of Levenberg-Marquardt.
-    pub iterations: usize,
 }
 
 /// The paper's regularized estimator (PfD section 4.1), from two views upwards.
@@ -60,9 +62,10 @@ pub fn reg(observations: &[(Projection, Ellipse)], options: &RegOptions) -> Resu
     let (center, squared_radius) =
         closed_form_sphere(&system).or_else(|| triangulated_sphere(observations)).ok_or(ClosedFormError::Degenerate)?;
     let start = center.coords.push(squared_radius.ln()).push(0.0);
-    let (x, cost, iterations) = problem.minimize(start).ok_or(ClosedFormError::Degenerate)?;
-    let v = problem.quadric(&x).ok_or(ClosedFormError::Degenerate)?;
-    Ok(RegSolution { dual_quadric: DualQuadric::from_vech(&v), betas: system.best_betas(&v.into()), cost, iterations })
+    let found = minimize(&problem, start, MAX_STEPS).ok_or(ClosedFormError::Degenerate)?;
+    let v = problem.quadric(&found.state).ok_or(ClosedFormError::Degenerate)?;
+    let cost = found.equations.cost;
+    Ok(RegSolution { dual_quadric: DualQuadric::from_vech(&v), betas: system.best_betas(&v.into()), cost })
 }
 
 /// Center and squared radius of the sphere with the center and the volume of the closed form's quadric.
@@ -163,43 +166,46 @@ impl Problem {
         }
         jacobian
     }
+}
 
-    /// Levenberg-Marquardt; `None` when the start is not finite.
-    fn minimize(&self, start: Sphere) -> Option<(Sphere, f64, usize)> {
-        let mut x = start;
-        let mut residuals = self.residuals(&x);
-        let mut cost = residuals.norm_squared();
-        if !cost.is_finite() {
-            return None;
+/// Residuals with their derivatives by unknowns in units of their own, so that all columns have unit length.
+struct Linearized {
+    residuals: Residuals,
+    jacobian: Jacobian,
+    units: Sphere,
+    cost: f64,
+}
+
+impl levenberg_marquardt::Problem for Problem {
+    type State = Sphere;
+    type Equations = Linearized;
+    type Step = Sphere;
+    const DAMPING: Damping = Damping { first: 1e-3, taken: 0.2, failed: 6.0, max: 1e12 };
+
+    fn linearize(&self, x: &Sphere) -> Option<Linearized> {
+        let residuals = self.residuals(x);
+        let mut jacobian = self.jacobian(x);
+        let units = Sphere::from_fn(|k, _| 1.0 / jacobian.column(k).norm());
+        for k in 0..5 {
+            jacobian.column_mut(k).scale_mut(units[k]);
         }
-        let mut damping = 1e-3;
-        for iteration in 0..MAX_ITERATIONS {
-            // Columns of unit length: the unknowns have different units.
-            let mut jacobian = self.jacobian(&x);
-            let scale = Sphere::from_fn(|k, _| 1.0 / jacobian.column(k).norm());
-            for k in 0..5 {
-                jacobian.column_mut(k).scale_mut(scale[k]);
-            }
-            let mut decrease = None;
-            for _ in 0..20 {
-                if let Some(step) = damped_step(&jacobian, &residuals, damping) {
-                    let next = x + step.component_mul(&scale);
-                    let next_residuals = self.residuals(&next);
-                    let next_cost = next_residuals.norm_squared();
-                    if next_cost < cost {
-                        decrease = Some((cost - next_cost) / cost);
-                        (x, residuals, cost) = (next, next_residuals, next_cost);
-                        damping = f64::max(0.2 * damping, 1e-12);
-                        break;
-                    }
-                }
-                damping *= 6.0;
-            }
-            if decrease.is_none_or(|decrease| decrease < 1e-11) {
-                return Some((x, cost, iteration + 1));
-            }
-        }
-        Some((x, cost, MAX_ITERATIONS))
+        Some(Linearized { residuals, jacobian, units, cost: residuals.norm_squared() })
+    }
+
+    fn cost(equations: &Linearized) -> f64 {
+        equations.cost
+    }
+
+    fn step(&self, equations: &Linearized, damping: f64) -> Option<Sphere> {
+        Some(damped_step(&equations.jacobian, &equations.residuals, damping)?.component_mul(&equations.units))
+    }
+
+    fn retract(&self, x: &Sphere, step: &Sphere) -> Option<Sphere> {
+        Some(x + step)
+    }
+
+    fn is_last(&self, _: &Sphere, _: &Sphere, before: f64, cost: f64) -> bool {
+        before - cost < MIN_DECREASE * before
     }
 }
 

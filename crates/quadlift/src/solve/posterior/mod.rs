@@ -21,14 +21,9 @@ use self::scene::scene_fit::SceneFit;
 use self::shared::found_scales::FoundScale;
 pub(crate) use self::shared::pose_points::PosePoints;
 pub(crate) use self::shared::pose_unknowns::PoseUnknowns;
-use super::cue_scale::CueScale;
 use super::estimate::Estimate;
-use super::learned_size::LearnedCategorySize;
-use super::noise_model::NoiseModel;
-use super::options::PoseNoise;
-use super::pose_points_report::PosePointsReport;
 use super::prediction::{Fold, FoldPrediction, predict_fold};
-use super::refined_pose::RefinedPose;
+use super::scene_solution::SceneSolution;
 use crate::geometry::BodyKind;
 use crate::parallel::map_indices;
 use crate::scene::ObjectViews;
@@ -36,32 +31,8 @@ use crate::scene::ObjectViews;
 /// Maximum number of objects for the estimate of the noise levels, evenly spread.
 const NOISE_SAMPLE: usize = 2000;
 
-/// The answer for a scene.
-#[derive(Debug, Clone)]
-pub(crate) struct MapSolution {
-    /// One estimate per object.
-    pub estimates: Vec<Estimate>,
-    /// Noise levels, estimated or given.
-    pub noise: NoiseModel,
-    /// Root mean square corrections of the poses, if estimated.
-    pub pose_noise: Option<PoseNoise>,
-    /// Frames over which their errors last.
-    pub pose_correlation_length: Option<f64>,
-    /// Corrections of the poses.
-    pub refined_poses: Vec<RefinedPose>,
-    /// The points with the corrected poses.
-    pub pose_points: Option<PosePointsReport>,
-    /// The scales of cues.
-    pub cue_scales: Vec<CueScale>,
-    /// The learned sizes of categories.
-    pub learned_sizes: Vec<LearnedCategorySize>,
-    /// The fitted kind of body; `None` if objects differ.
-    pub body: Option<BodyKind>,
-    /// The chosen folds.
-    pub folds: Vec<Fold>,
-    /// The predictions of left-out views from the others, for each fold.
-    pub predicted: Vec<FoldPrediction>,
-}
+/// A solution, with the chosen folds and the predictions of their left-out views from the others.
+pub(crate) type CrossValidated = (SceneSolution, Vec<Fold>, Vec<FoldPrediction>);
 
 /// Chooses which views of which objects are left out, one fit per fold, after the estimates.
 pub(crate) type ChooseFolds<'a> = &'a (dyn Fn(&[Estimate]) -> Vec<Fold> + Sync);
@@ -78,7 +49,7 @@ pub(crate) fn posterior(
     views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
     context: &PosteriorContext,
     folds: ChooseFolds,
-) -> MapSolution {
+) -> CrossValidated {
     let options = context.options;
     let stride = count.div_ceil(NOISE_SAMPLE).max(1);
     let sample: Vec<usize> = (0..count).step_by(stride).collect();
@@ -136,7 +107,7 @@ pub(crate) fn posterior(
     let (noise, pose_noise) = (scene.noise_report(context), scene.pose_noise());
     let cue_scales = scene.scales().found().filter_map(FoundScale::report).collect();
     let learned_sizes = scene.sizes().report();
-    MapSolution {
+    let solution = SceneSolution {
         estimates,
         noise,
         pose_noise,
@@ -146,7 +117,6 @@ pub(crate) fn posterior(
         cue_scales,
         learned_sizes,
         body: body_kinds.of_all(),
-        folds,
-        predicted,
-    }
+    };
+    (solution, folds, predicted)
 }

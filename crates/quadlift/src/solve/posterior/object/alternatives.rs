@@ -14,7 +14,7 @@ use super::fit::{FINAL_TERMINATION, Fit};
 use super::model::Model;
 use crate::body_model::BodyModel;
 use crate::geometry::{Body, ConvexBody, rotation_vector};
-use crate::optimize::levenberg_marquardt::minimize;
+use crate::optimize::minimize::minimize;
 use crate::optimize::normal_equations::NormalEquations;
 use crate::solve::estimate::{Alternative, Covariance, CovarianceCoordinates, Estimate, Warning};
 use crate::solve::posterior::context::PosteriorContext;

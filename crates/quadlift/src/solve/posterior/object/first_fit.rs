@@ -9,7 +9,7 @@ use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::body_model::oriented::OrientedModel;
 use crate::geometry::BodyKind;
-use crate::optimize::levenberg_marquardt::{Stop, minimize};
+use crate::optimize::minimize::{Stop, minimize};
 use crate::optimize::normal_equations::NormalEquations;
 use crate::solve::posterior::noise::levels::NoiseLevels;
 use crate::sorting::StableSort;

@@ -15,7 +15,8 @@ use super::problem::{FROM_START, ObjectProblem};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::geometry::linalg::invert_spd;
-use crate::optimize::levenberg_marquardt::{End, Minimum, Stop, minimize, minimum};
+use crate::optimize::levenberg_marquardt::{End, Minimum};
+use crate::optimize::minimize::{BodyStep, Stop, minimize, minimum};
 use crate::optimize::normal_equations::NormalEquations;
 use crate::scene::View;
 use crate::solve::estimate::{Covariance, Estimate, GoodnessOfFit, Matrix9, Status, Warning};
@@ -294,7 +295,8 @@ impl Fit {
         let objective = Objective { outlier_scale: scale, ..plain };
         match minimum(self.body.clone(), stop, |body| objective.linearize(body), BodyModel::retract) {
             Some(Minimum { state: body, equations, end }) => {
-                let converged = !matches!(end, End::UsedUp { promised } if promised > MAX_REMAINING_DECREASE);
+                let converged =
+                    !matches!(end, End::UsedUp(BodyStep { promised, .. }) if promised > MAX_REMAINING_DECREASE);
                 Self { body, equations, outlier_scale: scale, converged, ..fit }
             }
             None => Self { equations: NormalEquations::nowhere(), ..fit },

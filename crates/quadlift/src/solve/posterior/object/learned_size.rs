@@ -12,7 +12,7 @@ use super::problem::{FROM_START, ObjectProblem};
 use super::size_site::{ShapeInformation, SizeSite, Vector6, shape_precision};
 use crate::body_model::BodyModel;
 use crate::geometry::linalg::invert_spd;
-use crate::optimize::levenberg_marquardt::minimize;
+use crate::optimize::minimize::minimize;
 use crate::solve::estimate::Matrix9;
 use crate::solve::posterior::context::PosteriorContext;
 use crate::solve::posterior::noise::levels::NoiseLevels;

@@ -9,7 +9,7 @@ use super::objective::{MIN_VIEWS, OUTLIER_SCALE, Objective, usual_cost};
 use super::starts::{ellipsoid_from_quadric, unit_sphere};
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
-use crate::optimize::levenberg_marquardt::{Stop, minimize};
+use crate::optimize::minimize::{Stop, minimize};
 use crate::scene::View;
 use crate::solve::closed_form::planes::{MIN_PLANES, quadric_tangent_to, tangency_row};
 use crate::solve::posterior::noise::groups::NoiseGroup;

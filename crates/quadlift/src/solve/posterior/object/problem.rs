@@ -9,7 +9,7 @@ use super::starts::{centers_from_size, ellipsoid_from_quadric, unit_sphere, upri
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::geometry::BodyKind;
-use crate::optimize::levenberg_marquardt::{Stop, minimize};
+use crate::optimize::minimize::{Stop, minimize};
 use crate::scene::ObjectViews;
 use crate::solve::closed_form::planes::planes_in_frame;
 use crate::solve::conditioning::ObjectFrame;

@@ -1,5 +1,6 @@
 //! All objects of a scene together: rounds of noise levels, ground plane and refits, until they agree.
 
+use crate::optimize::median::median;
 use crate::tuning::{CLEAR, UPRIGHT_SHARE};
 use std::sync::Arc;
 
@@ -531,8 +532,7 @@ fn covariance_levels(fits: &[Result<Fit, Box<Estimate>>], noise: &NoiseLevels) -
 /// The median distance of objects from their nearest cameras.
 fn median_distance(fits: &[Result<Fit, Box<Estimate>>]) -> f64 {
     let mut distances: Vec<f64> = fits.iter().flatten().filter_map(Fit::distance).collect();
-    distances.sort_by(f64::total_cmp);
-    distances.get(distances.len() / 2).copied().unwrap_or(1.0)
+    median(&mut distances).unwrap_or(1.0)
 }
 
 /// The ground plane under the objects that stand on it.

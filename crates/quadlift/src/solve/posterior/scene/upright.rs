@@ -15,7 +15,7 @@ use nalgebra::Vector3;
 use crate::body_model::BodyModel;
 use crate::body_model::ellipsoid::EllipsoidModel;
 use crate::geometry::linalg::cholesky;
-use crate::optimize::levenberg_marquardt::minimize;
+use crate::optimize::minimize::minimize;
 use crate::optimize::normal_equations::{NormalEquations, PARAMETERS};
 use crate::solve::posterior::context::PosteriorContext;
 use crate::solve::posterior::noise::levels::NoiseLevels;

@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::pose_unknowns::PoseUnknowns;
 use crate::geometry::Projection;
+use crate::geometry::ray_sum::RaySum;
 use crate::parallel::map_indices;
 use crate::scene::{PointObservation, Scene, TrackedPoint};
 use crate::sorting::StableSort;
@@ -98,15 +99,13 @@ fn parallax(seen: &[PointObservation], directions: &[Option<Matrix3<f64>>]) -> f
 
 /// The point nearest to the rays.
 fn triangulated(seen: &[PointObservation], scene: &Scene) -> Option<Point3<f64>> {
-    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    let mut rays = RaySum::zero();
     for seen in seen {
         let projection: &Projection = &scene.frames[seen.frame_index as usize].projection;
         let (center, ray) = (projection.center_in_world()?, projection.ray_in_world(&seen.pixel)?);
-        let across = Matrix3::identity() - ray * ray.transpose();
-        normal += across;
-        right += across * center.coords;
+        rays.add(&center.coords, &ray, 1.0, 1.0);
     }
-    Some(Point3::from(normal.cholesky()?.solve(&right)))
+    Some(Point3::from(rays.information.cholesky()?.solve(&rays.toward)))
 }
 
 /// How far it appears from where it was seen: a sum of distances in pixels, in which wrong observations do not count more than others;
