@@ -48,6 +48,7 @@ impl ObjectMap {
                 continue;
             }
             let views = [old.view.clone(), current.views[pair.new as usize].clone()];
+            let (category, repeats) = (old.view.category, old.repeats());
             let ids = [old.input_id, current.input_ids[pair.new as usize]];
             let (observations, statistics) = self.gather(&views);
             let start = Start::sphere(pair.sphere.center, pair.sphere.log_radius.exp());
@@ -59,6 +60,7 @@ impl ObjectMap {
                 self.keyframes.hold(view.keyframe);
                 tracked.add_view(view, input_id);
             }
+            tracked.repeat(category, repeats);
             tracked.fitted_views = tracked.views.len();
             self.recent[pair.old.0].boxes[pair.old.1].owner = Some(id);
             taken_new.push(pair.new);
@@ -165,6 +167,7 @@ impl ObjectMap {
                 let mut view = found.view.clone();
                 view.hidden = to_bits(ratio.hidden);
                 let mut longer = tracked.clone();
+                longer.repeat(view.category, found.repeats());
                 longer.add_view(view, found.input_id);
                 if let Some(fitted) = self.fit_views(&longer, &[Start::body(&tracked.object)]) {
                     longer.replace_fit(fitted);

@@ -40,10 +40,10 @@ impl ObjectMap {
         let detections: Vec<DetectionRef> = given.iter().flat_map(|view| self.detections_of(view)).collect();
         for view in given {
             self.keyframes.hold(view.keyframe);
-            self.take_back(from, &view, None);
-            self.set_owner(&view, object);
+            let repeats = self.set_owner(&view, object);
+            self.take_back(from, &view, None, repeats);
             let key = view.keyframe;
-            self.add_late(to, view, None);
+            self.add_late(to, view, None, repeats);
             self.keyframes.release(key);
         }
         update.events.push(Event::Reassigned { object, detections });

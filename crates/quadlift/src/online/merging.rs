@@ -123,7 +123,9 @@ impl ObjectMap {
         let lost: Vec<&KeptView> =
             old.views.iter().chain(&young.views).filter(|view| !union.views.iter().any(|v| v.is_same(view))).collect();
         self.running.assigned -= lost.len() as i64;
-        let detections: Vec<DetectionRef> = lost.into_iter().flat_map(|view| self.detections_of(view)).collect();
+        let detections: Vec<DetectionRef> = lost.iter().flat_map(|view| self.detections_of(view)).collect();
+        let of_lost = lost.into_iter().map(|view| self.set_owner(view, None)).fold(0, u32::saturating_add);
+        union.repeated = old.repeated.saturating_add(young.repeated).saturating_sub(of_lost);
         union.views.iter().for_each(|view| self.keyframes.hold(view.keyframe));
         for view in old.views.iter().chain(&young.views) {
             self.keyframes.release(view.keyframe);
@@ -133,9 +135,6 @@ impl ObjectMap {
             self.tally.count(id, older, count);
         }
         self.take_slot(younger);
-        for view in old.views.iter().chain(&young.views) {
-            self.set_owner(view, None);
-        }
         for view in &union.views {
             self.set_owner(view, Some(old.id));
         }
@@ -151,10 +150,7 @@ impl ObjectMap {
         union.last_keyframe = old.last_keyframe.max(young.last_keyframe);
         union.categories = old.categories.clone();
         for &(category, count) in &young.categories {
-            match union.categories.iter_mut().find(|(known, _)| *known == category) {
-                Some((_, sum)) => *sum += count,
-                None => union.categories.push((category, count)),
-            }
+            union.count_category(category, count);
         }
         union.input_ids = old.input_ids.clone();
         for &(id, count) in &young.input_ids {

@@ -158,8 +158,8 @@ impl ObjectMap {
         for view in &views {
             // For the new object.
             self.keyframes.hold(view.keyframe);
-            self.take_back(slot, view, None);
-            self.set_owner(view, None);
+            let repeats = self.set_owner(view, None);
+            self.take_back(slot, view, None, repeats);
         }
         let detections: Vec<DetectionRef> = views.iter().flat_map(|view| self.detections_of(view)).collect();
         self.refit(slot, update);
@@ -171,7 +171,8 @@ impl ObjectMap {
         let id = self.new_id();
         let mut split = Tracked::new(id, object, times);
         for view in views {
-            self.set_owner(&view, Some(id));
+            let repeats = self.set_owner(&view, Some(id));
+            split.repeat(view.category, repeats);
             split.add_view(view, None);
         }
         split.object.visible = split.views.len();

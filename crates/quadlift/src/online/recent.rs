@@ -53,13 +53,13 @@ impl ObjectMap {
         }
     }
 
-    /// Sets the object of a box in its frame, if the frame is recent.
-    pub(super) fn set_owner(&mut self, view: &KeptView, owner: Option<ObjectId>) {
+    /// Sets the object of a box in its frame, if the frame is recent; returns how often the box was repeated.
+    pub(super) fn set_owner(&mut self, view: &KeptView, owner: Option<ObjectId>) -> u32 {
         let place = self.recent.partition_point(|frame| frame.key < view.keyframe);
-        let Some(frame) = self.recent.get_mut(place).filter(|frame| frame.key == view.keyframe) else { return };
-        if let Some(found) = frame.boxes.iter_mut().find(|b| b.view.detection == view.detection) {
-            found.owner = owner;
-        }
+        let Some(frame) = self.recent.get_mut(place).filter(|frame| frame.key == view.keyframe) else { return 0 };
+        let Some(found) = frame.boxes.iter_mut().find(|b| b.view.detection == view.detection) else { return 0 };
+        found.owner = owner;
+        found.repeats()
     }
 
     /// Assigns the boxes of a recent frame again.
@@ -81,7 +81,7 @@ impl ObjectMap {
         for change in &changes {
             let Some(slot) = change.from else { continue };
             let found = &frame.boxes[change.index];
-            self.take_back(slot, &found.view, found.input_id);
+            self.take_back(slot, &found.view, found.input_id, found.repeats());
             changed.push(slot);
         }
         for change in &changes {
@@ -89,7 +89,7 @@ impl ObjectMap {
             if let Some((slot, ratio)) = change.to {
                 let found = &frame.boxes[change.index];
                 let view = KeptView { hidden: to_bits(ratio.hidden), ..found.view.clone() };
-                owner = self.add_late(slot, view, found.input_id);
+                owner = self.add_late(slot, view, found.input_id, found.repeats());
                 changed.push(slot);
             }
             frame.boxes[change.index].owner = owner;
@@ -141,12 +141,13 @@ impl ObjectMap {
         Some(current.free.iter().copied().filter(differs).map(change).collect())
     }
 
-    /// Removes a view from its object.
-    pub(super) fn take_back(&mut self, slot: u32, view: &KeptView, input_id: Option<u32>) {
+    /// Removes a view that was repeated so often from its object.
+    pub(super) fn take_back(&mut self, slot: u32, view: &KeptView, input_id: Option<u32>, repeats: u32) {
         let Some(tracked) = self.slot_mut(slot) else { return };
         let Some(place) = tracked.views.iter().position(|v| v.keyframe == view.keyframe) else { return };
         let taken = tracked.take_view(place);
         tracked.uncount(&taken, input_id);
+        tracked.unrepeat(taken.category, repeats);
         self.running.assigned -= 1;
         self.keyframes.release(taken.keyframe);
         if let Some(id) = input_id {
@@ -154,11 +155,18 @@ impl ObjectMap {
         }
     }
 
-    /// Adds a view of an earlier frame to an object.
-    pub(super) fn add_late(&mut self, slot: u32, view: KeptView, input_id: Option<u32>) -> Option<ObjectId> {
+    /// Adds a view of an earlier frame, which was repeated so often, to an object.
+    pub(super) fn add_late(
+        &mut self,
+        slot: u32,
+        view: KeptView,
+        input_id: Option<u32>,
+        repeats: u32,
+    ) -> Option<ObjectId> {
         let key = view.keyframe;
         let tracked = self.slot_mut(slot)?;
         let id = tracked.id;
+        tracked.repeat(view.category, repeats);
         tracked.add_view(view, input_id);
         tracked.object.visible = tracked.object.visible.max(tracked.object.views());
         self.running.assigned += 1;

@@ -379,6 +379,14 @@ impl MapState {
         assert_eq!(held, references);
         let views: usize = self.slots.iter().flatten().map(|t| t.views.len() + t.forgotten).sum();
         assert_eq!(self.running.assigned, views as i64);
+        let mut repeats: BTreeMap<ObjectId, u32> = BTreeMap::new();
+        for found in self.recent.iter().flat_map(|frame| &frame.boxes) {
+            found.owner.into_iter().for_each(|id| *repeats.entry(id).or_default() += found.repeats());
+        }
+        for tracked in self.slots.iter().flatten() {
+            let known = repeats.get(&tracked.id).copied().unwrap_or(0);
+            assert!(tracked.repeated >= known, "{} {known}", tracked.repeated);
+        }
     }
 
     /// States with one error each.

@@ -139,8 +139,8 @@ fn views_that_were_fitted_with_another_object_go_back_when_poses_are_updated() {
         map.slot(a.0).unwrap().views.iter().filter(|v| !taker.is_seen_in(v.keyframe)).cloned().collect();
     for view in given {
         map.keyframes.hold(view.keyframe);
-        map.take_back(a.0, &view, None);
-        map.add_late(b.0, view, None);
+        map.take_back(a.0, &view, None, 0);
+        map.add_late(b.0, view, None, 0);
     }
     let mut update = FrameUpdate::default();
     map.refit(b.0, &mut update);

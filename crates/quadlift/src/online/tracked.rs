@@ -85,26 +85,37 @@ impl Tracked {
         }
     }
 
-    /// Counts the category and the id of a detection.
-    fn count(&mut self, view: &KeptView, input_id: Option<u32>) {
-        match self.categories.iter_mut().find(|(category, _)| *category == view.category) {
-            Some((_, count)) => *count += 1,
-            None => self.categories.push((view.category, 1)),
+    /// Adds to the count of a category.
+    pub(super) fn count_category(&mut self, category: u16, times: u32) {
+        match self.categories.iter_mut().find(|(known, _)| *known == category) {
+            Some((_, count)) => *count = count.saturating_add(times),
+            None => self.categories.push((category, times)),
         }
-        self.count_id(input_id, 1);
     }
 
-    /// Counts a detection that adds no view.
-    pub(super) fn repeat(&mut self, view: &KeptView, input_id: Option<u32>) {
-        self.repeated = self.repeated.saturating_add(1);
-        self.count(view, input_id);
+    fn uncount_category(&mut self, category: u16, times: u32) {
+        if let Some((_, count)) = self.categories.iter_mut().find(|(known, _)| *known == category) {
+            *count = count.saturating_sub(times);
+        }
+    }
+
+    /// Counts detections that add no view.
+    pub(super) fn repeat(&mut self, category: u16, times: u32) {
+        self.repeated = self.repeated.saturating_add(times);
+        self.count_category(category, times);
+    }
+
+    /// Removes detections that add no view from the counts.
+    pub(super) fn unrepeat(&mut self, category: u16, times: u32) {
+        self.repeated = self.repeated.saturating_sub(times);
+        self.uncount_category(category, times);
     }
 
     /// Adds to the count of an id.
     pub(super) fn count_id(&mut self, input_id: Option<u32>, times: u32) {
         let Some(id) = input_id else { return };
         if let Some((_, count)) = self.input_ids.iter_mut().find(|(known, _)| *known == id) {
-            *count += times;
+            *count = count.saturating_add(times);
         } else if self.input_ids.len() < MAX_INPUT_IDS {
             self.input_ids.push((id, times));
         }
@@ -115,14 +126,13 @@ impl Tracked {
         if let Some((_, count)) = self.input_ids.iter_mut().find(|(known, _)| Some(*known) == input_id) {
             *count = count.saturating_sub(1);
         }
-        if let Some((_, count)) = self.categories.iter_mut().find(|(category, _)| *category == view.category) {
-            *count = count.saturating_sub(1);
-        }
+        self.uncount_category(view.category, 1);
     }
 
     /// Adds a view in the order of frames, without a fit.
     pub(super) fn add_view(&mut self, view: KeptView, input_id: Option<u32>) {
-        self.count(&view, input_id);
+        self.count_category(view.category, 1);
+        self.count_id(input_id, 1);
         self.last_keyframe = self.last_keyframe.max(view.keyframe);
         let place = self.views.partition_point(|v| v.keyframe < view.keyframe);
         if self.views.len() == self.views.capacity() {

@@ -2,6 +2,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
+use super::MAX_DETECTIONS;
 use super::kept_shape::MapShape;
 use super::keyframes::Keyframes;
 use super::update::{DetectionRef, ObjectId};
@@ -109,6 +110,15 @@ pub(super) struct RecentBox {
     /// The same box in frames from the same place.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
     pub copies: Vec<DetectionRef>,
+}
+
+impl RecentBox {
+    /// Number of its detections beside the first.
+    pub(super) fn repeats(&self) -> u32 {
+        // A view that stands for detections from its place alone has a number that no detection has.
+        let own = usize::from(usize::from(self.view.detection) < MAX_DETECTIONS);
+        (own + self.copies.len()).saturating_sub(1) as u32
+    }
 }
 
 /// Four flags as bits.
