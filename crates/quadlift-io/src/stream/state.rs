@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::Path;
 
-use quadlift::online::{MapState, ObjectMap, OnlineOptions};
+use quadlift::online::{ObjectMap, OnlineOptions};
 use quadlift::options::Spelling;
 use quadlift::solve::{CategoryPriors, PoseNoise};
 use serde::{Deserialize, Serialize};
@@ -23,7 +23,7 @@ use crate::wording::plain_words;
 /// The value of `format` in a state file.
 pub const STATE_FORMAT: &str = "quadlift.stream_state";
 /// The value of `version` that this program reads and writes.
-pub const STATE_VERSION: u64 = 2;
+pub const STATE_VERSION: u64 = 3;
 
 /// What goes on: the map, the scene, and where the input was.
 #[derive(Debug, Clone)]
@@ -36,9 +36,9 @@ pub struct StreamState {
     pub poses_since: u64,
 }
 
-/// The file, as it is written.
+/// The file, as it is written (with a reference to the map) and read.
 #[derive(Serialize, Deserialize)]
-struct StateRecord {
+struct StateRecord<M> {
     format: String,
     version: u64,
     /// Options that the result depends on, by the names of the command line.
@@ -49,7 +49,7 @@ struct StateRecord {
     frames: Vec<FrameRecord>,
     /// Checksums of the frames as they were given.
     given: BTreeMap<String, u32>,
-    map: MapState,
+    map: M,
 }
 
 /// Writes a state to a file as a whole or not at all. `options` are those that the result depends on ([`lasting_options`]).
@@ -82,7 +82,7 @@ pub fn write_state(
         unnamed_cameras,
         frames,
         given,
-        map: state.map.to_state(),
+        map: &state.map,
     };
     let text = serde_json::to_string(&record)?;
     let rest = text.trim_start_matches('{');
@@ -128,7 +128,7 @@ pub fn parse_state_file(
     let text = as_utf8(path, bytes)?;
     header(path, text)?;
     check_checksum(path, text)?;
-    let record: StateRecord = serde_json::from_str(text).map_err(|problem| json_error(path, &problem))?;
+    let record: StateRecord<ObjectMap> = serde_json::from_str(text).map_err(|problem| json_error(path, &problem))?;
     for (name, now) in options {
         let before = record.options.get(name).unwrap_or(&Value::Null);
         if before != now {
@@ -138,7 +138,7 @@ pub fn parse_state_file(
             )));
         }
     }
-    let map = ObjectMap::from_state(map_options, record.map).map_err(|problem| error(problem.to_string()))?;
+    let map = record.map.with_options(map_options).map_err(|problem| error(problem.to_string()))?;
     let scene = StreamedScene::from_parts(record.about, record.frames, record.given, record.unnamed_cameras)
         .map_err(|problem| problem.in_file(path))?;
     Ok(StreamState { map, scene, poses_since: record.poses_since })
@@ -206,3 +206,7 @@ fn header(path: &Path, text: &str) -> Result<Header, ReadError> {
 fn json_error(path: &Path, problem: &serde_json::Error) -> ReadError {
     ReadError::new(path, format!("the state cannot be read: {}", plain_words(&problem.to_string())))
 }
+
+#[cfg(test)]
+#[path = "state_tests.rs"]
+mod tests;

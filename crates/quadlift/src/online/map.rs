@@ -62,7 +62,9 @@ const RANGE_MARGIN: f64 = 1.2 * 1.3;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(remote = "Self"))]
 pub struct ObjectMap {
+    #[cfg_attr(feature = "serde", serde(skip))]
     pub(super) options: OnlineOptions,
     /// Key of the next frame.
     pub(super) next_key: u32,
@@ -84,9 +86,11 @@ pub struct ObjectMap {
     /// Objects by slot; slots are reused.
     pub(super) slots: Vec<Option<Box<Tracked>>>,
     pub(super) free_slots: Vec<u32>,
+    #[cfg_attr(feature = "serde", serde(skip))]
     pub(super) slot_of_id: BTreeMap<ObjectId, u32>,
     /// Merged objects and what they were merged into.
     pub(super) aliases: BTreeMap<ObjectId, ObjectId>,
+    #[cfg_attr(feature = "serde", serde(skip))]
     pub(super) visibility: VisibilityIndex,
     /// Visibility range of an object of unit size for which the index was built.
     pub(super) indexed_range: f64,
@@ -94,11 +98,17 @@ pub struct ObjectMap {
     /// Number of consecutive frames that contradicted the map.
     pub(super) disagreeing: u32,
     /// Pairs of objects whose merge was refused, with their numbers of views at that time.
+    #[cfg_attr(feature = "serde", serde(with = "super::pairs"))]
     pub(super) tried_pairs: BTreeMap<(u64, u64), (usize, usize)>,
+    #[cfg_attr(feature = "serde", serde(skip, default = "detection_rate"))]
     pub(super) rate: DetectionRate,
     /// Frames for the consistency check, and what it has found so far.
     pub(super) windows: Windows,
     pub(super) diagnosis: Diagnosis,
+}
+
+fn detection_rate() -> DetectionRate {
+    DetectionRate::new(RATE_VIEWS)
 }
 
 /// An object of a map.
@@ -162,10 +172,19 @@ impl ObjectMap {
             next_id: 1,
             disagreeing: 0,
             tried_pairs: BTreeMap::new(),
-            rate: DetectionRate::new(RATE_VIEWS),
+            rate: detection_rate(),
             windows: Windows::default(),
             diagnosis: Diagnosis::default(),
         })
+    }
+
+    /// The map with other options: of one that was stored, those that it had.
+    ///
+    /// # Errors
+    /// [`AssociateError::OutOfRange`] names the first option that is outside of its range.
+    pub fn with_options(self, options: OnlineOptions) -> Result<Self, AssociateError> {
+        options.validate()?;
+        Ok(Self { options, ..self })
     }
 
     /// The options of the map.

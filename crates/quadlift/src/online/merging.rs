@@ -126,7 +126,9 @@ impl ObjectMap {
         let detections: Vec<DetectionRef> = lost.iter().flat_map(|view| self.detections_of(view)).collect();
         let of_lost = lost.into_iter().map(|view| self.set_owner(view, None)).fold(0, u32::saturating_add);
         union.repeated = old.repeated.saturating_add(young.repeated).saturating_sub(of_lost);
-        union.views.iter().for_each(|view| self.keyframes.hold(view.keyframe));
+        for view in &union.views {
+            self.keyframes.hold(view.keyframe);
+        }
         for view in old.views.iter().chain(&young.views) {
             self.keyframes.release(view.keyframe);
         }

@@ -26,6 +26,8 @@ mod kept_shape;
 mod keyframes;
 mod names;
 mod options;
+#[cfg(feature = "serde")]
+mod pairs;
 mod running;
 mod update;
 mod views;
@@ -48,10 +50,13 @@ mod observe;
 mod poses;
 mod recent;
 mod scene;
+#[cfg(feature = "serde")]
 mod state;
 
 #[cfg(test)]
 mod cue_tests;
+#[cfg(test)]
+mod soundness;
 #[cfg(test)]
 mod tests;
 
@@ -61,7 +66,6 @@ pub use map::{MapObject, ObjectMap};
 pub use options::{ONLINE, OnlineOptions};
 pub use poses::PoseUpdate;
 pub use relocalize::MapRelocalization;
-pub use state::{MapState, StateError};
 pub use tracked::Presence;
 pub use update::{DetectionRef, Event, FrameUpdate, ObjectId, Removal};
 

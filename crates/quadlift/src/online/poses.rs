@@ -5,7 +5,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::exchange::REACH;
-use super::keyframes::Keyframe;
 use super::map::ObjectMap;
 use super::merging::NEAR;
 use super::summary::Motions;
@@ -50,11 +49,7 @@ impl ObjectMap {
         for (key, projection) in moved {
             let Some(keyframe) = self.keyframes.get_mut(key) else { continue };
             before.insert(key, keyframe.camera.clone());
-            let mut frame = keyframe.frame.clone();
-            frame.projection = projection;
-            // The shift has stood for the error of the old pose.
-            let Keyframe { references, .. } = *keyframe;
-            *keyframe = Keyframe { references, ..Keyframe::new(frame, &self.origin, keyframe.camera.size) };
+            keyframe.set_pose(projection, &self.origin);
         }
         let of_frames = before.iter().filter_map(|(&key, old)| Some((key, motion(old, self.keyframes.camera(key)?)?)));
         let motions = Motions { of_frames: of_frames.collect() };

@@ -125,7 +125,7 @@ fn observe(frames: &[(Frame, Vec<Seen>)], with_ids: bool) -> Found {
         take(&update, &frame.id);
     }
     take(&map.settle(), "");
-    map.to_state().assert_sound();
+    map.assert_sound();
     let mut names: HashMap<&str, u32> = HashMap::new();
     let (mut truth, mut found) = (Vec::new(), Vec::new());
     for (frame, seen) in frames {

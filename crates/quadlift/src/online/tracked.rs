@@ -32,6 +32,7 @@ pub(super) const DETECTED_LOG_ODDS: f64 = 6.9;
 
 /// An object of the map.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Tracked {
     pub id: ObjectId,
     /// The fit; its boxes are indices into `views`.
@@ -60,6 +61,9 @@ pub(super) struct Tracked {
 
 /// Number of views for which places are reserved at a time.
 const GROWTH: usize = 8;
+
+/// Upper bound of counts in a state, so that counting on does not overflow.
+const MAX_STORED_COUNT: u32 = u32::MAX / 2;
 
 /// Maximum number of input ids that are remembered per object.
 const MAX_INPUT_IDS: usize = 32;
@@ -160,6 +164,24 @@ impl Tracked {
     /// Whether it has a kept view of a frame.
     pub(super) fn is_seen_in(&self, keyframe: u32) -> bool {
         self.views.binary_search_by_key(&keyframe, |v| v.keyframe).is_ok()
+    }
+
+    /// Whether what was stored can be used in a map with so many categories and sources of cues.
+    pub(super) fn is_valid(&self, categories: usize, cue_sources: usize) -> bool {
+        let object = &self.object;
+        let shape = object.center.iter().chain(&object.root).chain(&object.covariance);
+        let counts = [object.visible, object.forgotten, self.fitted_views];
+        shape.chain(&[self.first_time, self.last_time]).all(|x| x.is_finite())
+            && object.radius > 0.0
+            && object.radius.is_finite()
+            && object.category < categories
+            && self.categories.iter().all(|&(category, _)| usize::from(category) < categories)
+            && self.views.len() >= 2
+            && self.views.is_sorted_by(|a, b| a.keyframe < b.keyframe)
+            && self.views.iter().all(|view| view.is_valid(categories, cue_sources))
+            // Counting goes on.
+            && counts.iter().all(|&n| n < MAX_STORED_COUNT as usize)
+            && [self.clear, self.clear_detected].iter().all(|&n| n < MAX_STORED_COUNT)
     }
 
     /// Numbers the boxes of the fit by the views.

@@ -7,7 +7,7 @@ use super::kept_shape::MapShape;
 use super::keyframes::Keyframes;
 use super::update::{DetectionRef, ObjectId};
 use crate::association::input::observations::{BoxObservation, Camera, log_odds_against};
-use crate::geometry::BoundingBox;
+use crate::geometry::{BoundingBox, rotation_defect};
 use crate::scene::Cues;
 
 /// A kept detection. A map has dozens per object, so it is small: edges have single precision, 1e-4 px.
@@ -112,6 +112,14 @@ pub(super) struct RecentBox {
     pub copies: Vec<DetectionRef>,
 }
 
+impl RecentFrame {
+    /// Whether what was stored can be used in a map with so many categories and sources of cues.
+    pub(super) fn is_valid(&self, categories: usize, cue_sources: usize) -> bool {
+        let is_valid = |view: &KeptView| view.keyframe == self.key && view.is_valid(categories, cue_sources);
+        self.boxes.iter().all(|found| is_valid(&found.view))
+    }
+}
+
 impl RecentBox {
     /// Number of its detections beside the first.
     pub(super) fn repeats(&self) -> u32 {
@@ -156,6 +164,22 @@ impl KeptView {
             score_log_odds: log_odds_against(self.score.map(f64::from)),
             ..BoxObservation::new(frame, edges, from_bits(self.cut), usize::from(self.category))
         }
+    }
+
+    /// Whether what was stored can be used in a map with so many categories and sources of cues.
+    pub(super) fn is_valid(&self, categories: usize, cue_sources: usize) -> bool {
+        let are_valid = |cues: &Cues| {
+            let rotation = cues.box3d.and_then(|box3d| box3d.rotation);
+            cues.sources().all(|source| (source as usize) < cue_sources)
+                // As of poses.
+                && rotation.is_none_or(|rotation| rotation_defect(rotation.matrix()) <= 1e-3)
+                && cues.check().is_ok()
+        };
+        usize::from(self.category) < categories
+            && self.bounding_box().is_some()
+            && self.absorbed.as_ref().is_none_or(|absorbed| absorbed.is_valid())
+            && self.shape.as_ref().is_none_or(|shape| shape.is_valid())
+            && self.cues.as_deref().is_none_or(are_valid)
     }
 
     /// Whether this is the detection of another view.
