@@ -108,21 +108,21 @@ fn parts_that_contradict_each_other_are_refused_whatever_the_checksum() {
     let bytes = bytes_of(&map);
     assert!(read(&edited(&bytes, &|_| ())).is_ok());
     fn object(map: &mut Value) -> &mut Value {
-        map["slots"].as_array_mut().unwrap().iter_mut().find(|slot| !slot.is_null()).unwrap()
+        map["objects"]["slots"].as_array_mut().unwrap().iter_mut().find(|slot| !slot.is_null()).unwrap()
     }
     type Edit<'a> = &'a dyn Fn(&mut Value);
     let edits: [Edit; 17] = [
-        &|map| map["free_slots"] = json!([0]),
+        &|map| map["objects"]["free"] = json!([0]),
         &|map| map["keyframes"]["by_key"] = json!({}),
         &|map| map["categories"] = json!([]),
         &|map| map["cue_sources"] = json!([]),
         &|map| map["scaled_by_frame"] = json!([1_000_000]),
-        &|map| map["aliases"] = json!({"1": 1}),
+        &|map| map["objects"]["aliases"] = json!({"1": 1}),
         &|map| map["next_key"] = json!(0),
-        &|map| map["next_id"] = json!(1),
+        &|map| map["objects"]["given_ids"] = json!(0),
         &|map| map["running"]["assigned"] = json!(i64::MAX),
         &|map| map["running"]["histogram"] = json!([]),
-        &|map| map["slots"][1] = map["slots"][0].clone(),
+        &|map| map["objects"]["slots"][1] = map["objects"]["slots"][0].clone(),
         &|map| object(map)["object"]["covariance"] = json!([1.0]),
         &|map| object(map)["object"]["visible"] = json!(usize::MAX),
         &|map| object(map)["object"]["radius"] = json!(0.0),
@@ -139,6 +139,6 @@ fn parts_that_contradict_each_other_are_refused_whatever_the_checksum() {
 #[test]
 fn another_checksum_is_damage() {
     let bytes = bytes_of(&ObjectMap::new(OnlineOptions::default()).unwrap());
-    let text = String::from_utf8(bytes).unwrap().replace("\"next_id\":1", "\"next_id\":2");
+    let text = String::from_utf8(bytes).unwrap().replace("\"given_ids\":0", "\"given_ids\":2");
     assert!(read(text.as_bytes()).unwrap_err().problem.starts_with("the state is damaged: its checksum differs"));
 }

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Point3, Rotation3};
 
+use super::tests::numbers;
 use super::views::KeptView;
 use super::*;
 use crate::scene::{Box3dCue, CueError, Cues, DepthCue, NewDetection, Scene};
@@ -185,7 +186,7 @@ fn cues_out_of_range_are_refused_and_change_nothing() {
     let good = detections(&scene, 0);
     let good_frame = Frame::of_scene(&scene, &scene.frames[0], 0.0);
     let with = |cue_sources: &[String]| Frame { cue_sources: cue_sources.to_vec(), ..good_frame.clone() };
-    let before = map.numbers();
+    let before = numbers(&map);
     let alone = NewDetection { cues: Cues::default(), ..good[0] };
     let refused = |map: &mut ObjectMap, cues: Cues, cue_sources: &[String]| {
         map.observe(&with(cue_sources), &[alone, NewDetection { cues, ..good[1] }]).unwrap_err()
@@ -203,19 +204,19 @@ fn cues_out_of_range_are_refused_and_change_nothing() {
     let many: Vec<NewDetection> =
         (0..names.len()).map(|k| NewDetection { cues: depth(1.0, Some(k as u32)), ..good[0] }).collect();
     assert!(matches!(map.observe(&with(&names), &many), Err(ObserveError::TooManyCueSources { .. })));
-    assert_eq!(map.numbers(), before);
+    assert_eq!(numbers(&map), before);
     // Those of another list of names are known by their names.
     map.observe(&good_frame, &good).unwrap();
     let again = Frame { id: "again".to_owned(), time: 1.0, ..with(&["other".to_owned(), "depth".to_owned()]) };
     map.observe(&again, &[alone, NewDetection { cues: depth(1.0, Some(1)), ..good[1] }]).unwrap();
-    assert_eq!(map.cue_sources, ["depth", "box3d"]);
+    assert_eq!(map.memory.cue_sources, ["depth", "box3d"]);
 }
 
 #[test]
 fn views_with_wrong_cues_are_not_valid() {
     let (_, scene) = with_cues();
     let map = map_of(&scene);
-    let view = map.tracked().find_map(|object| Some(object.views.first()?.clone())).unwrap();
+    let view = map.memory.objects.tracked().find_map(|object| Some(object.views.first()?.clone())).unwrap();
     let good = view.cues.as_deref().copied().unwrap();
     assert!(view.is_valid(1, 2) && !view.is_valid(0, 2));
     let negative = Some(Point3::new(0.0, 0.0, -1.0));

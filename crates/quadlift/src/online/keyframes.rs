@@ -86,6 +86,7 @@ impl Keyframes {
     }
 
     /// Computes the cameras and counts the references of stored frames anew; `None` where a frame is missing or not finite.
+    #[cfg(feature = "serde")]
     pub(super) fn rebuild(&mut self, origin: &Vector3<f64>, held: impl Iterator<Item = u32>) -> Option<()> {
         for keyframe in self.by_key.values_mut() {
             let is_finite = keyframe.extent.iter().chain(&keyframe.shift).all(|x| x.is_finite());
@@ -100,6 +101,7 @@ impl Keyframes {
     }
 
     /// The largest key.
+    #[cfg(feature = "serde")]
     pub(super) fn last_key(&self) -> Option<u32> {
         self.by_key.keys().next_back().copied()
     }

@@ -19,6 +19,8 @@
 //! An object keeps a bounded number of views (`views`); the others are forgotten and only counted. `poses` moves keyframes after
 //! a loop closure, and `scene` makes a [`crate::scene::Scene`] of the kept views for the estimators, reports and files.
 //!
+//! `memory` is what the map knows; the steps are functions of its parts, and `map` is the interface. `state` is how it is stored.
+//!
 //! Nothing is random, and the only clock is the times of the frames: the same frames give the same map.
 
 mod input;
@@ -31,32 +33,35 @@ mod pairs;
 mod running;
 mod update;
 mod views;
+mod recent_frames;
 mod windows;
 mod current;
 mod summary;
 mod tracked;
 mod visibility;
-mod map;
-mod births;
-mod exchange;
-mod learning;
-mod relocalize;
-mod matching;
-mod lifecycle;
-mod merging;
-mod consistency;
-mod standstill;
-mod observe;
-mod poses;
-mod recent;
-mod scene;
+mod objects;
+mod memory;
 #[cfg(feature = "serde")]
 mod state;
+mod removal;
+mod own_views;
+mod lifecycle;
+mod matching;
+mod births;
+mod recent;
+mod standstill;
+mod merging;
+mod exchange;
+mod learning;
+mod consistency;
+mod observe;
+mod poses;
+mod relocalize;
+mod scene;
+mod map;
 
 #[cfg(test)]
 mod cue_tests;
-#[cfg(test)]
-mod soundness;
 #[cfg(test)]
 mod tests;
 

@@ -7,6 +7,7 @@ use crate::association::score::scene_statistics::SceneStatistics;
 use crate::association::search::frame_shift::{FrameShift, spread};
 
 /// Upper bound of counts in a state, so that counting on does not overflow.
+#[cfg(feature = "serde")]
 pub(super) const MAX_COUNT: u64 = 1 << 53;
 
 /// Bins of the histogram of half sizes, eight for each octave from 1/16 of a pixel on.
@@ -73,6 +74,7 @@ impl Running {
     }
 
     /// Whether what was stored can be used in a map with so many categories.
+    #[cfg(feature = "serde")]
     pub(super) fn is_valid(&self, categories: usize) -> bool {
         let lists = [self.category_counts.len(), self.given_sizes.len(), self.statistics.log_sizes.len()];
         let counts = [self.frames, self.repeated, self.boxes, self.assigned.unsigned_abs(), self.shift_frames];

@@ -6,7 +6,8 @@ use nalgebra::{Matrix3x4, Matrix4, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::super::{Event, Frame, FrameUpdate, ObjectId, ObjectMap, OnlineOptions};
+use super::super::tests::assert_sound;
+use super::super::{DetectionRef, Event, Frame, FrameUpdate, ObjectId, ObjectMap, OnlineOptions};
 use super::RecentFrame;
 use crate::geometry::{BoundingBox, Projection};
 use crate::metrics::pairwise_clustering_scores;
@@ -125,7 +126,7 @@ fn observe(frames: &[(Frame, Vec<Seen>)], with_ids: bool) -> Found {
         take(&update, &frame.id);
     }
     take(&map.settle(), "");
-    map.assert_sound();
+    assert_sound(&map);
     let mut names: HashMap<&str, u32> = HashMap::new();
     let (mut truth, mut found) = (Vec::new(), Vec::new());
     for (frame, seen) in frames {
@@ -212,7 +213,7 @@ fn false_boxes_of_a_place_are_no_boxes_of_objects() {
         cut: 0,
         hidden: 0,
     };
-    let copy = super::DetectionRef { frame: "a".to_owned(), detection: 0 };
+    let copy = DetectionRef { frame: "a".to_owned(), detection: 0 };
     let boxes = [5, 0].map(|copies| super::RecentBox {
         view: view(copies as u16),
         input_id: None,

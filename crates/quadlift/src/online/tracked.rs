@@ -63,6 +63,7 @@ pub(super) struct Tracked {
 const GROWTH: usize = 8;
 
 /// Upper bound of counts in a state, so that counting on does not overflow.
+#[cfg(any(feature = "serde", test))]
 const MAX_STORED_COUNT: u32 = u32::MAX / 2;
 
 /// Maximum number of input ids that are remembered per object.
@@ -97,22 +98,10 @@ impl Tracked {
         }
     }
 
-    fn uncount_category(&mut self, category: u16, times: u32) {
-        if let Some((_, count)) = self.categories.iter_mut().find(|(known, _)| *known == category) {
-            *count = count.saturating_sub(times);
-        }
-    }
-
     /// Counts detections that add no view.
     pub(super) fn repeat(&mut self, category: u16, times: u32) {
         self.repeated = self.repeated.saturating_add(times);
         self.count_category(category, times);
-    }
-
-    /// Removes detections that add no view from the counts.
-    pub(super) fn unrepeat(&mut self, category: u16, times: u32) {
-        self.repeated = self.repeated.saturating_sub(times);
-        self.uncount_category(category, times);
     }
 
     /// Adds to the count of an id.
@@ -125,12 +114,15 @@ impl Tracked {
         }
     }
 
-    /// Removes a detection from the counts.
-    pub(super) fn uncount(&mut self, view: &KeptView, input_id: Option<u32>) {
+    /// Removes a detection that was repeated so often from the counts.
+    pub(super) fn uncount(&mut self, view: &KeptView, input_id: Option<u32>, repeats: u32) {
+        self.repeated = self.repeated.saturating_sub(repeats);
         if let Some((_, count)) = self.input_ids.iter_mut().find(|(known, _)| Some(*known) == input_id) {
             *count = count.saturating_sub(1);
         }
-        self.uncount_category(view.category, 1);
+        if let Some((_, count)) = self.categories.iter_mut().find(|(known, _)| *known == view.category) {
+            *count = count.saturating_sub(1 + repeats);
+        }
     }
 
     /// Adds a view in the order of frames, without a fit.
@@ -167,6 +159,7 @@ impl Tracked {
     }
 
     /// Whether what was stored can be used in a map with so many categories and sources of cues.
+    #[cfg(any(feature = "serde", test))]
     pub(super) fn is_valid(&self, categories: usize, cue_sources: usize) -> bool {
         let object = &self.object;
         let shape = object.center.iter().chain(&object.root).chain(&object.covariance);

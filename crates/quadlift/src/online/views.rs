@@ -2,12 +2,12 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use super::MAX_DETECTIONS;
 use super::kept_shape::MapShape;
 use super::keyframes::Keyframes;
-use super::update::{DetectionRef, ObjectId};
 use crate::association::input::observations::{BoxObservation, Camera, log_odds_against};
-use crate::geometry::{BoundingBox, rotation_defect};
+use crate::geometry::BoundingBox;
+#[cfg(any(feature = "serde", test))]
+use crate::geometry::rotation_defect;
 use crate::scene::Cues;
 
 /// A kept detection. A map has dozens per object, so it is small: edges have single precision, 1e-4 px.
@@ -58,6 +58,7 @@ pub(super) struct Absorbed {
 
 impl Absorbed {
     /// Whether all numbers are in their ranges.
+    #[cfg(any(feature = "serde", test))]
     pub(super) fn is_valid(&self) -> bool {
         let is_visit = |visit: &Visit| (0.0..=f64::from(u32::MAX)).contains(&visit.mean_key) && visit.views >= 1;
         let are_visits = (1..=MAX_VISITS).contains(&self.visits.len()) && self.visits.iter().all(is_visit);
@@ -84,48 +85,6 @@ impl Visit {
         let views = self.views.saturating_add(other.views);
         let share = f64::from(other.views) / f64::from(views);
         Self { mean_key: self.mean_key + share * (other.mean_key - self.mean_key), views }
-    }
-}
-
-/// A frame whose boxes may still be reassigned.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct RecentFrame {
-    pub key: u32,
-    pub time: f64,
-    pub boxes: Vec<RecentBox>,
-    /// Number of frames from the same place after it.
-    #[cfg_attr(feature = "serde", serde(default))]
-    pub repeats: u32,
-}
-
-/// A box with its object.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct RecentBox {
-    pub view: KeptView,
-    /// Input id of the detection.
-    pub input_id: Option<u32>,
-    pub owner: Option<ObjectId>,
-    /// The same box in frames from the same place.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
-    pub copies: Vec<DetectionRef>,
-}
-
-impl RecentFrame {
-    /// Whether what was stored can be used in a map with so many categories and sources of cues.
-    pub(super) fn is_valid(&self, categories: usize, cue_sources: usize) -> bool {
-        let is_valid = |view: &KeptView| view.keyframe == self.key && view.is_valid(categories, cue_sources);
-        self.boxes.iter().all(|found| is_valid(&found.view))
-    }
-}
-
-impl RecentBox {
-    /// Number of its detections beside the first.
-    pub(super) fn repeats(&self) -> u32 {
-        // A view that stands for detections from its place alone has a number that no detection has.
-        let own = usize::from(usize::from(self.view.detection) < MAX_DETECTIONS);
-        (own + self.copies.len()).saturating_sub(1) as u32
     }
 }
 
@@ -166,7 +125,26 @@ impl KeptView {
         }
     }
 
+    /// Number of boxes that it stands for.
+    pub(super) fn stands_for(&self) -> u32 {
+        self.absorbed.as_ref().map_or(1, |absorbed| absorbed.views())
+    }
+
+    /// Edges of a box less the mean errors of the views it stands for.
+    pub(super) fn averaged(&self, edges: [f64; 4]) -> [f64; 4] {
+        match &self.absorbed {
+            Some(absorbed) => std::array::from_fn(|e| edges[e] + f64::from(absorbed.offset[e])),
+            None => edges,
+        }
+    }
+
+    /// The times at which the views that it stands for were seen, but for its own.
+    pub(super) fn visits(&self) -> &[Visit] {
+        self.absorbed.as_ref().map_or(&[], |absorbed| &absorbed.visits)
+    }
+
     /// Whether what was stored can be used in a map with so many categories and sources of cues.
+    #[cfg(any(feature = "serde", test))]
     pub(super) fn is_valid(&self, categories: usize, cue_sources: usize) -> bool {
         let are_valid = |cues: &Cues| {
             let rotation = cues.box3d.and_then(|box3d| box3d.rotation);
