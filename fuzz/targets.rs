@@ -4,9 +4,10 @@
 
 use std::path::{Component, Path};
 
-use quadlift::geometry::BodyKind;
-use quadlift::online::{ObjectMap, OnlineOptions};
+use quadlift::geometry::{BodyKind, BoundingBox};
+use quadlift::online::{Frame, ObjectMap, OnlineOptions, PoseUpdate};
 use quadlift::run::{AssociateWhen, RunOptions};
+use quadlift::scene::NewDetection;
 use quadlift::solve::{Method, Status};
 use quadlift::{LocalizeOptions, Unobserved};
 use quadlift_io::formats;
@@ -15,7 +16,7 @@ use quadlift_io::read::detections::{AddOptions, DetectionFiles, MatchBy, add_det
 use quadlift_io::read::{Import, READ, ReadOptions};
 use quadlift_io::run::{FileInput, FileOptions, FileRun, run_file};
 use quadlift_io::scene_file::{CameraRecord, DetectionRecord, FrameRecord, SceneFile, parse_scene_file, write_scene};
-use quadlift_io::stream::{FrameLine, StreamedScene, parse_line};
+use quadlift_io::stream::{FrameLine, StreamedScene, parse_line, parse_stored_stream};
 use quadlift_io::{EntryError, ReadError};
 use quadlift_segment::{ConvexHull, PixelTerm, Polygons, Rle};
 
@@ -31,6 +32,7 @@ pub(crate) const TARGETS: &[(&str, Target)] = &[
     ("polygons", polygons),
     ("rle", rle),
     ("scene", scene),
+    ("state", state),
     ("stream", stream),
 ];
 
@@ -326,6 +328,32 @@ fn stream(data: &[u8]) -> bool {
     map.settle();
     scene.to_file(&map).to_scene().unwrap();
     all_read
+}
+
+/// Goes on with the state of a stream after its checksum was made right: whatever its numbers are, nothing panics.
+fn state(data: &[u8]) -> bool {
+    let Some(rest) = std::str::from_utf8(data).ok().and_then(|text| Some(text.split_once(',')?.1)) else {
+        return false;
+    };
+    let checksum = crc32fast::hash(rest.trim_end_matches('\n').as_bytes());
+    let text = format!("{{\"checksum\":\"{checksum:08x}\",{rest}");
+    let Ok(stored) = parse_stored_stream(Path::new("state"), text.as_bytes()).map_err(check_error) else {
+        return false;
+    };
+    let (mut map, scene) = (stored.state.map, stored.state.scene);
+    let time = map.last_frame().map_or(0.0, |(_, time)| time);
+    let kept: Vec<Frame> = map.kept_frames().cloned().collect();
+    for (k, frame) in kept.iter().rev().take(3).enumerate() {
+        let x = 40.0 * k as f64;
+        let boxes = [[50.0 + x, 60.0, 150.0 + x, 140.0], [300.0, 200.0 + x, 330.0, 260.0 + x]];
+        let detections = boxes.map(|edges| NewDetection::from_box(BoundingBox::new(edges).unwrap()));
+        let _ = map.observe(&Frame { id: format!("new {k}"), time, ..frame.clone() }, &detections);
+    }
+    let moved = kept.iter().map(|frame| PoseUpdate { frame: frame.id.clone(), projection: kept[0].projection });
+    map.update_poses(&moved.collect::<Vec<_>>());
+    map.settle();
+    scene.to_file(&map).to_scene().unwrap();
+    true
 }
 
 /// Localizes boxes whose corners are the bytes, in frames on a circle: estimates are finite or have a status that says why

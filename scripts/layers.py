@@ -3,6 +3,8 @@
 above it, and names their files, not what their folder re-exports; test modules come last. The library does no I/O and
 reads no clock.
 
+An inherent `impl` is in the file of its type: what another file does with it is a function that takes the parts it needs.
+
 Prints `path:line: message` for each violation; the exit code is then 1."""
 
 import re
@@ -14,6 +16,40 @@ TEST = re.compile(r" *#\[cfg\((all\()?test\b")
 MOD = re.compile(r"(?:pub(?:\([\w: ]+\))? )?mod (\w+)( \{|;)")
 USE = re.compile(r"^ *(?:pub(?:\([\w: ]+\))? )?use ([^;]+);", re.MULTILINE)
 PATH = re.compile(r"(?<![\w:])(?:crate|super|self|std)(?:::\w+)+")
+
+TYPE = re.compile(r"^ *(?:pub(?:\([\w: ]+\))? )?(?:struct|enum|union) (\w+)", re.MULTILINE)
+# Up to the name of the type; one of a trait has ` for ` behind it.
+IMPL = re.compile(r"^ *impl(?:<.*?>)? (?:\w+::)*(\w+)(?:<(?:(?! for )[^{])*>)?\s*(?:where[^{]*)?\{", re.MULTILINE)
+
+# Types with an inherent `impl` in other files, which are few: the scene is made in one and viewed in others, and what
+# follows is to be divided or moved, type by type.
+OTHER_FILES = {
+    "Scene": "scene/occluded scene/sources scene/views",
+    "SceneFile": "align/map_objects align/moved calibrate_rig/rig relocalize/landmarks relocalize/query run/record "
+    "scene_file/bodies scene_file/convert scene_file/depth_images scene_file/images scene_file/paths "
+    "scene_file/point_clouds scene_file/run scene_file/tangent_lines",
+    # Records beside the code that reads what they name.
+    "Box3dRecord DepthImageRecord DetectionRecord FrameRecord ObjectRecord PointCloudRecord": "scene_file/bodies "
+    "scene_file/convert scene_file/depth_images scene_file/point_clouds quadlift-io/src/stream/map_file",
+    "RigScene": "calibrate_rig/record",
+    "CheckedScene": "write/frusta write/units write/views",
+    # The fit of an object: its stages.
+    "Fit": "object/alternatives object/few_views object/learned_size object/scale_terms scene/upright",
+    "CueScales ObjectProblem PosePoints PosePrior": "object/first_fit shared/found_scales shared/point_check shared/pose_evidence",
+    # Names and ranges of options, all in one place.
+    "IdPolicy MeasurementKind Method PoseMotion": "quadlift/src/names",
+    "LocalizeOptions Method PosteriorOptions": "localize/validate solve/validate",
+    # The search, the check and relocalization, stage by stage.
+    "State": "search/em search/passes",
+    "Correction Diagnosis Mistake": "diagnosis/apply diagnosis/fit diagnosis/hypotheses diagnosis/lengths",
+    "LandmarkMap": "relocalize/check relocalize/prepared",
+    "PreparedBox ShapePrior": "calibrate_rig/assemble calibrate_rig/prepared",
+    "Camera": "lens/measurements",
+    # Segmentation: the model of colors, step by step.
+    "Model": "sca/components sca/expectation sca/fit sca/maximization",
+    "PyScene": "quadlift-py/src/scene_methods",
+    "Report ReportDetections": "quadlift-report/src/colors quadlift-report/src/cues quadlift-report/src/document",
+}
 
 violations = []
 
@@ -64,11 +100,31 @@ def target_of(module, path):
     return target
 
 
+def check_impls(path, text):
+    """Checks that the types of inherent `impl`s are in the same file; those in other files must be listed, and listed ones exist."""
+    own, found = set(TYPE.findall(text)), set()
+    listed = {
+        name
+        for names, files in OTHER_FILES.items()
+        if any(str(path).endswith(f"/{file}.rs") for file in files.split())
+        for name in names.split()
+    }
+    for impl in IMPL.finditer(text):
+        if impl[1] not in own:
+            found.add(impl[1])
+        if impl[1] not in own | listed:
+            line = text.count("\n", 0, impl.start(1)) + 1
+            violations.append((path, line, f"`{impl[1]}` is not of this file: its `impl` is where it is, functions are here"))
+    if listed and not found:
+        violations.append((path, 1, "all types are of this file: scripts/layers.py need not list it"))
+
+
 def check(root):
     """Checks the crate with this root."""
     files, waiting = {}, [((), root, root.parent)]
     for module, path, folder in waiting:
         text, modules = without_tests(path)
+        check_impls(path, text)
         uses = [(use.start(1), path) for use in USE.finditer(text) for path in paths_of(use[1])]
         others = PATH.finditer(USE.sub(lambda use: " " * len(use[0]), text))
         exported = {path[-1]: path[0] for path in (path[path[0] == "self" :] for _, path in uses) if path[0] in modules}

@@ -63,6 +63,11 @@ fn scene() {
 }
 
 #[test]
+fn state() {
+    run("state", COPIES);
+}
+
+#[test]
 fn stream() {
     run("stream", COPIES);
 }

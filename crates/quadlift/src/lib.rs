@@ -51,7 +51,7 @@
 //!
 //! # Features
 //! `parallel` (default): objects are solved in parallel with rayon.
-//! `serde`: the state of an object map ([`online::MapState`]) can be written and read.
+//! `serde`: an object map ([`online::ObjectMap`]) can be written and read, to go on later; `quadlift-io` has its files.
 #![forbid(unsafe_code)]
 
 mod observer;

@@ -4,8 +4,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::Path;
 
-use crate::options::Spelling;
-use quadlift::online::{MapState, ObjectMap, OnlineOptions};
+use quadlift::online::{ObjectMap, OnlineOptions};
 use quadlift::solve::{CategoryPriors, PoseNoise};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -15,6 +14,7 @@ use super::options::{StoredPriors, options_of};
 use super::scene::StreamedScene;
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
+use crate::options::Spelling;
 use crate::priors::{builtin_priors, parse_priors, read_priors};
 use crate::scene_file::{CameraRecord, FrameRecord};
 use crate::wording::plain_words;
@@ -22,7 +22,7 @@ use crate::wording::plain_words;
 /// The value of `format` in a state file.
 const STATE_FORMAT: &str = "quadlift.stream_state";
 /// The value of `version` that this program reads and writes.
-const STATE_VERSION: u64 = 2;
+const STATE_VERSION: u64 = 3;
 
 /// What goes on: the map, the scene, and where the input was.
 #[derive(Debug, Clone)]
@@ -35,9 +35,9 @@ pub struct StreamState {
     pub poses_since: u64,
 }
 
-/// The file, as it is written.
+/// The file, as it is written (with a reference to the map) and read.
 #[derive(Serialize, Deserialize)]
-struct StateRecord {
+struct StateRecord<M> {
     format: String,
     version: u64,
     /// Options that the result depends on, by the names of the command line.
@@ -48,7 +48,7 @@ struct StateRecord {
     frames: Vec<FrameRecord>,
     /// Checksums of the frames as they were given.
     given: BTreeMap<String, u32>,
-    map: MapState,
+    map: M,
 }
 
 /// Writes a state; [`crate::write_file`] does it as a whole or not at all. `options` are those that the result depends on
@@ -74,7 +74,7 @@ pub fn write_state(
         unnamed_cameras,
         frames,
         given,
-        map: state.map.to_state(),
+        map: &state.map,
     };
     let text = serde_json::to_string(&record)?;
     let rest = text.trim_start_matches('{');
@@ -120,7 +120,7 @@ fn parse_state_file(
     let text = as_utf8(path, bytes)?;
     header(path, text)?;
     check_checksum(path, text)?;
-    let record: StateRecord = serde_json::from_str(text).map_err(|problem| json_error(path, &problem))?;
+    let record: StateRecord<ObjectMap> = serde_json::from_str(text).map_err(|problem| json_error(path, &problem))?;
     for (name, now) in options {
         let before = record.options.get(name).unwrap_or(&Value::Null);
         if before != now {
@@ -130,7 +130,7 @@ fn parse_state_file(
             )));
         }
     }
-    let map = ObjectMap::from_state(map_options, record.map).map_err(|problem| error(problem.to_string()))?;
+    let map = record.map.with_options(map_options).map_err(|problem| error(problem.to_string()))?;
     let scene = StreamedScene::from_parts(record.about, record.frames, record.given, record.unnamed_cameras)
         .map_err(|problem| problem.in_file(path))?;
     Ok(StreamState { map, scene, poses_since: record.poses_since })
@@ -198,3 +198,7 @@ fn header(path: &Path, text: &str) -> Result<Header, ReadError> {
 fn json_error(path: &Path, problem: &serde_json::Error) -> ReadError {
     ReadError::new(path, format!("the state cannot be read: {}", plain_words(&problem.to_string())))
 }
+
+#[cfg(test)]
+#[path = "state_tests.rs"]
+mod tests;

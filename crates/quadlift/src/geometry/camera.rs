@@ -126,8 +126,24 @@ impl CamFromWorld {
 ///
 /// Points in front of the camera have a positive third coordinate.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Matrix3x4<f64>"))]
+#[cfg_attr(feature = "serde", serde(into = "Matrix3x4<f64>"))]
 pub struct Projection {
     matrix: Matrix3x4<f64>,
+}
+
+impl TryFrom<Matrix3x4<f64>> for Projection {
+    type Error = CameraError;
+
+    fn try_from(matrix: Matrix3x4<f64>) -> Result<Self, CameraError> {
+        Self::from_matrix(matrix)
+    }
+}
+
+impl From<Projection> for Matrix3x4<f64> {
+    fn from(projection: Projection) -> Self {
+        projection.matrix
+    }
 }
 
 impl Projection {

@@ -2,6 +2,7 @@
 
 /// A camera model of COLMAP: how a ray becomes a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[allow(missing_docs)] // The names are COLMAP's; `parameter_names` lists what each one has.
 pub enum CameraModel {
     SimplePinhole,

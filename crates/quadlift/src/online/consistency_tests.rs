@@ -1,5 +1,6 @@
 //! What contradicts itself is told once, and what does not is never told.
 
+use super::super::tests::assert_sound;
 use super::super::{Event, Frame, FrameUpdate, ObjectMap, OnlineOptions, PoseUpdate};
 use crate::association::IdPolicy;
 use crate::diagnosis::{CauseName, Correction, Mistake};
@@ -35,7 +36,7 @@ fn observe(map: &mut ObjectMap, scene: &Scene, frames: std::ops::Range<usize>) -
         .map(|k| map.observe(&Frame::of_scene(scene, &scene.frames[k], k as f64), &of_frame(k)).unwrap())
         .collect();
     updates.push(map.settle());
-    map.to_state().assert_sound();
+    assert_sound(map);
     updates
 }
 
@@ -109,20 +110,8 @@ fn a_mistake_that_begins_later_is_told_and_new_poses_mend_it() {
     let poses: Vec<PoseUpdate> =
         right.frames.iter().map(|frame| PoseUpdate { frame: frame.id.clone(), projection: frame.projection }).collect();
     map.update_poses(&poses);
-    map.to_state().assert_sound();
+    assert_sound(&map);
     assert_eq!((map.consistent(), map.diagnosis().consistent), (Some(true), true));
-}
-
-#[test]
-fn a_state_has_what_was_found() {
-    let wrong = Mistake(Correction::OpenGlAxes).apply(&scene(4, 90, SyntheticIds::Absent, Trajectory::Orbit));
-    let mut whole = map();
-    observe(&mut whole, &wrong, 0..50);
-    let mut resumed = ObjectMap::from_state(OnlineOptions::default(), whole.to_state()).unwrap();
-    assert_eq!((resumed.consistent(), resumed.diagnosis()), (Some(false), whole.diagnosis()));
-    let [a, b] = [&mut whole, &mut resumed].map(|map| observe(map, &wrong, 50..90));
-    assert_eq!(told(&a), []);
-    assert!(a == b && whole.to_state() == resumed.to_state());
 }
 
 #[test]

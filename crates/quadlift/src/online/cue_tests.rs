@@ -1,7 +1,9 @@
-//! Depths and 3D boxes in the map: kept with the views, stored, used by the estimates, checked.
+//! Depths and 3D boxes in the map: kept with the views, used by the estimates, checked.
 
 use nalgebra::{Matrix3, Point3, Rotation3};
 
+use super::tests::numbers;
+use super::views::KeptView;
 use super::*;
 use crate::scene::{Box3dCue, CueError, Cues, DepthCue, NewDetection, Scene};
 use crate::synthetic::{
@@ -49,7 +51,7 @@ fn map_of(scene: &Scene) -> ObjectMap {
 }
 
 #[test]
-fn views_keep_their_cues_in_the_scene_and_in_the_state() {
+fn views_keep_their_cues_in_the_scene() {
     let (_, scene) = with_cues();
     let map = map_of(&scene);
     let kept = map.to_scene();
@@ -68,12 +70,6 @@ fn views_keep_their_cues_in_the_scene_and_in_the_state() {
         assert_eq!((found.center, found.half_extents, found.source), (given.center, given.half_extents, given.source));
         assert!((found.rotation.unwrap().matrix() - given.rotation.unwrap().matrix()).amax() < 1e-12);
     }
-    let again = ObjectMap::from_state(OnlineOptions::default(), map.to_state()).unwrap();
-    assert_eq!(again.to_state(), map.to_state());
-    assert_eq!(again.to_scene().detections.len(), kept.detections.len());
-    for (a, b) in again.to_scene().detections.iter().zip(&kept.detections) {
-        assert_eq!(a.cues, b.cues);
-    }
 }
 
 #[test]
@@ -87,8 +83,6 @@ fn scales_of_frames_are_those_of_the_map() {
     let found = map.to_averaged_scene();
     let names: Vec<&str> = found.scaled_by_frame.iter().map(|&k| found.cue_sources[k as usize].as_str()).collect();
     assert_eq!(names, ["box3d"]);
-    let again = ObjectMap::from_state(OnlineOptions::default(), map.to_state()).unwrap();
-    assert_eq!(again.to_scene().scaled_by_frame, found.scaled_by_frame);
 }
 
 #[test]
@@ -117,9 +111,8 @@ fn outlines_and_oriented_boxes_give_the_lines_of_a_scene() {
         map.observe(&Frame::of_scene(&scene, frame, k as f64), &found).unwrap();
     }
     let expected = builder.build();
-    let again = ObjectMap::from_state(OnlineOptions::default(), map.to_state()).unwrap();
     let (mut turned, mut boxed) = (0, 0);
-    let (kept, shapes) = (again.to_scene(), map.shapes_of_scene());
+    let (kept, shapes) = (map.to_scene(), map.shapes_of_scene());
     assert!(kept.detections.len() > 100 && shapes.len() == kept.detections.len());
     for (detection, shape) in kept.detections.iter().zip(&shapes) {
         let frame = &kept.frames[detection.frame_index as usize];
@@ -193,7 +186,7 @@ fn cues_out_of_range_are_refused_and_change_nothing() {
     let good = detections(&scene, 0);
     let good_frame = Frame::of_scene(&scene, &scene.frames[0], 0.0);
     let with = |cue_sources: &[String]| Frame { cue_sources: cue_sources.to_vec(), ..good_frame.clone() };
-    let before = map.to_state();
+    let before = numbers(&map);
     let alone = NewDetection { cues: Cues::default(), ..good[0] };
     let refused = |map: &mut ObjectMap, cues: Cues, cue_sources: &[String]| {
         map.observe(&with(cue_sources), &[alone, NewDetection { cues, ..good[1] }]).unwrap_err()
@@ -211,22 +204,22 @@ fn cues_out_of_range_are_refused_and_change_nothing() {
     let many: Vec<NewDetection> =
         (0..names.len()).map(|k| NewDetection { cues: depth(1.0, Some(k as u32)), ..good[0] }).collect();
     assert!(matches!(map.observe(&with(&names), &many), Err(ObserveError::TooManyCueSources { .. })));
-    assert_eq!(map.to_state(), before);
+    assert_eq!(numbers(&map), before);
     // Those of another list of names are known by their names.
     map.observe(&good_frame, &good).unwrap();
     let again = Frame { id: "again".to_owned(), time: 1.0, ..with(&["other".to_owned(), "depth".to_owned()]) };
     map.observe(&again, &[alone, NewDetection { cues: depth(1.0, Some(1)), ..good[1] }]).unwrap();
-    assert_eq!(map.cue_sources, ["depth", "box3d"]);
+    assert_eq!(map.memory.cue_sources, ["depth", "box3d"]);
 }
 
 #[test]
-fn states_with_wrong_cues_are_damaged() {
+fn views_with_wrong_cues_are_not_valid() {
     let (_, scene) = with_cues();
-    let mut map = map_of(&scene);
-    let state_of = |map: &ObjectMap| ObjectMap::from_state(OnlineOptions::default(), map.to_state());
-    assert!(state_of(&map).is_ok());
-    let cues_of = |map: &ObjectMap| map.tracked().find_map(|object| object.views[0].cues.as_deref().copied()).unwrap();
-    let (good, negative) = (cues_of(&map), Some(Point3::new(0.0, 0.0, -1.0)));
+    let map = map_of(&scene);
+    let view = map.memory.objects.tracked().find_map(|object| Some(object.views.first()?.clone())).unwrap();
+    let good = view.cues.as_deref().copied().unwrap();
+    assert!(view.is_valid(1, 2) && !view.is_valid(0, 2));
+    let negative = Some(Point3::new(0.0, 0.0, -1.0));
     type Change<'a> = &'a dyn Fn(&mut DepthCue, &mut Box3dCue);
     let wrong: [Change; 5] = [
         &|depth, _| depth.median = f64::NAN,
@@ -239,7 +232,6 @@ fn states_with_wrong_cues_are_damaged() {
         let (mut depth, mut box3d) = (good.depth.unwrap(), good.box3d.unwrap());
         change(&mut depth, &mut box3d);
         let cues = Some(Box::new(Cues { depth: Some(depth), box3d: Some(box3d) }));
-        map.slots.iter_mut().flatten().next().unwrap().views[0].cues = cues;
-        assert!(matches!(state_of(&map), Err(StateError::Damaged(_))));
+        assert!(!KeptView { cues, ..view.clone() }.is_valid(1, 2));
     }
 }

@@ -10,6 +10,7 @@ use crate::solve::PoseNoise;
 
 /// A posed image at a time step.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Frame {
     /// Its id, by which [`super::ObjectMap::update_poses`] finds it again.
     pub id: String,
@@ -24,8 +25,10 @@ pub struct Frame {
     /// Standard deviations of the pose, where known.
     pub pose_noise: Option<PoseNoise>,
     /// Names of the sources of the cues of its detections, by their indices.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
     pub cue_sources: Vec<String>,
     /// Sources whose depths have another scale in each frame, as indices; see [`scene::SceneParts::scaled_by_frame`].
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "BTreeSet::is_empty"))]
     pub scaled_by_frame: BTreeSet<u32>,
 }
 

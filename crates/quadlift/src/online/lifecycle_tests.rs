@@ -5,7 +5,7 @@ use nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
 use super::*;
 use crate::association::score::object::Prediction;
 use crate::geometry::{BoundingBox, Ellipsoid, Projection, project_bounding_box};
-use crate::online::{Frame, OnlineOptions};
+use crate::online::{Frame, ObjectMap, OnlineOptions};
 use crate::scene::NewDetection;
 
 /// A camera at `x` that looks along the world's z axis.
@@ -47,12 +47,12 @@ fn map_of(balls: &[Ellipsoid], frames: u32, options: OnlineOptions) -> ObjectMap
         let boxes: Vec<BoundingBox> = balls.iter().map(|ball| box_of(k, ball)).collect();
         observe(&mut map, k, &boxes);
     }
-    assert_eq!(map.tracked().count(), balls.len());
+    assert_eq!(map.memory.objects.tracked().count(), balls.len());
     map
 }
 
 fn only(map: &ObjectMap) -> &Tracked {
-    map.tracked().next().unwrap()
+    map.memory.objects.tracked().next().unwrap()
 }
 
 /// Removals of a frame.
@@ -120,13 +120,13 @@ fn only_nearer_objects_cover_an_object() {
     let balls = [ball(-0.19, 0.0, 4.0, 0.4), ball(0.0, 0.0, 8.0, 0.8)];
     let map = map_of(&balls, 8, OnlineOptions::default());
     let id_of = |map: &ObjectMap, z: f64| {
-        let at = |t: &&Tracked| (t.object.center.z + map.origin.z - z).abs() < 0.5;
-        map.tracked().find(at).unwrap().id
+        let at = |t: &&Tracked| (t.object.center.z + map.memory.origin.z - z).abs() < 0.5;
+        map.memory.objects.tracked().find(at).unwrap().id
     };
     let drop_of = |missed: usize| {
         let mut map = map.clone();
         let id = id_of(&map, balls[missed].center.z);
-        let odds = |map: &ObjectMap| map.tracked().find(|t| t.id == id).unwrap().log_odds;
+        let odds = |map: &ObjectMap| map.memory.objects.tracked().find(|t| t.id == id).unwrap().log_odds;
         let before = odds(&map);
         let update = observe(&mut map, 8, &[box_of(8, &balls[1 - missed])]);
         assert!(update.objects[0].is_some_and(|found| found != id));
@@ -159,13 +159,13 @@ fn tentative_objects_die_of_more_than_four_misses_and_more_than_their_detections
 #[test]
 fn confirmed_objects_of_little_evidence_die_of_their_fourth_miss() {
     let mut map = map_of(&[ball(0.0, 0.0, 4.0, 0.4)], 2, OnlineOptions::default());
-    let slot = *map.slot_of_id.values().next().unwrap();
-    let tracked = map.slot_mut(slot).unwrap();
+    let slot = map.memory.objects.slots()[0];
+    let tracked = map.memory.objects.get_mut(slot).unwrap();
     (tracked.presence, tracked.log_odds) = (Presence::Confirmed, 6.9);
     for k in 3..6 {
         assert_eq!(removals(&observe(&mut map, k, &[])), [], "{k}");
     }
-    assert!(map.evidence_of(only(&map)) < 5.0);
+    assert!(map.memory.evidence_of(only(&map)) < 5.0);
     assert_eq!(removals(&observe(&mut map, 6, &[])), [Removal::Weak]);
 }
 
@@ -173,18 +173,18 @@ fn confirmed_objects_of_little_evidence_die_of_their_fourth_miss() {
 fn a_frame_contradicts_the_map_if_all_objects_would_be_missed_once_in_160_000_times() {
     let balls: Vec<Ellipsoid> = (0..4).map(|k| ball(-1.2 + 0.9 * f64::from(k), 0.0, 5.0, 0.3)).collect();
     let mut map = map_of(&balls, 8, OnlineOptions::default());
-    let slots: Vec<u32> = map.slot_of_id.values().copied().collect();
+    let slots: Vec<u32> = map.memory.objects.slots();
     let seen = |slot: &u32| Seen { slot: *slot, prediction: Prediction { edges: [0.0; 4], depth: 1.0 } };
     let mut matched = Matched { pairs: Vec::new(), seen: slots.iter().map(seen).collect() };
     for &slot in &slots {
-        let tracked = map.slot_mut(slot).unwrap();
+        let tracked = map.memory.objects.get_mut(slot).unwrap();
         assert_eq!(tracked.presence, Presence::Confirmed);
         (tracked.clear, tracked.clear_detected) = (0, 0);
     }
     // The four are detected with this probability: 12 nats are 95.02 %.
     let mut disagreement = |rate: f64, matched: &Matched| {
-        (map.running.clear, map.running.clear_detected) = (1e9, rate * 1e9);
-        map.disagreement(matched, 1)
+        (map.memory.running.clear, map.memory.running.clear_detected) = (1e9, rate * 1e9);
+        disagreement(&map.memory.objects, &map.memory.running, matched, 1)
     };
     let rate = 1.0 - (-3.0f64).exp();
     assert_eq!(disagreement(rate + 0.002, &matched), Some(4));

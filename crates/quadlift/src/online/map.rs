@@ -1,41 +1,27 @@
-//! The object map.
+//! The object map: its interface.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use nalgebra::Point3;
 
-use nalgebra::{Point3, Vector3};
-
-use super::input::Frame;
-use super::keyframes::Keyframes;
-use super::names::{Categories, InputIds};
+use super::consistency::check_at_end;
+use super::input::{Frame, ObserveError};
+use super::kept_shape::MapShape;
+use super::memory::Memory;
+use super::merging::merge_by_force;
+use super::observe::observe;
 use super::options::OnlineOptions;
-use super::running::Running;
+use super::poses::{PoseUpdate, update_poses};
+use super::recent::recent_again;
+use super::relocalize::{MapRelocalization, landmarks, relocalize};
+use super::removal::remove_slot;
+use super::scene::scene_and_views;
 use super::tracked::{Presence, Tracked};
-use super::update::ObjectId;
-use super::views::{KeptView, RecentFrame, from_bits};
-use super::visibility::VisibilityIndex;
-use super::windows::Windows;
-use crate::association::input::observations::{Camera, Observations};
-use crate::association::score::fit::{Start, fit};
-use crate::association::score::input_ids::IdTally;
-use crate::association::score::object::Object;
-use crate::association::score::scene_statistics::SceneStatistics;
-use crate::association::statistics::DetectionRate;
-use crate::association::{AssociateError, IdPolicy};
+use super::update::{FrameUpdate, ObjectId, Removal};
+use crate::association::AssociateError;
 use crate::diagnosis::Diagnosis;
 use crate::geometry::Ellipsoid;
+use crate::relocalize::{LandmarkMap, LocateOptions, Query};
+use crate::scene::{NewDetection, Scene};
 use crate::sorting::StableSort;
-
-/// Initial slack of edges, pixels.
-const FIRST_PIXEL_SD: f64 = 2.0;
-
-/// Share of wrong ids if ids are trusted. It is not zero, so that a mistake can be undone.
-const TRUSTED_WRONG_SHARE: f64 = 1e-3;
-
-/// Number of views up to which the probability of detections is tabulated.
-const RATE_VIEWS: usize = 1024;
-
-/// Margin of the range within which an object may be visible.
-const RANGE_MARGIN: f64 = 1.2 * 1.3;
 
 /// A map of objects that is updated frame by frame.
 ///
@@ -62,43 +48,9 @@ const RANGE_MARGIN: f64 = 1.2 * 1.3;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(transparent))]
 pub struct ObjectMap {
-    pub(super) options: OnlineOptions,
-    /// Key of the next frame.
-    pub(super) next_key: u32,
-    /// Time and id of the last frame.
-    pub(super) last: Option<(f64, String)>,
-    /// Origin of the internal coordinates: the center of the first camera.
-    pub(super) origin: Vector3<f64>,
-    pub(super) categories: Categories,
-    /// Names of the sources of depths and 3D boxes.
-    pub(super) cue_sources: Vec<String>,
-    /// Those whose depths have another scale in each frame.
-    pub(super) scaled_by_frame: BTreeSet<u32>,
-    pub(super) input_ids: InputIds,
-    pub(super) tally: IdTally,
-    pub(super) running: Running,
-    pub(super) keyframes: Keyframes,
-    /// The last frames, whose boxes may still be reassigned.
-    pub(super) recent: VecDeque<RecentFrame>,
-    /// Objects by slot; slots are reused.
-    pub(super) slots: Vec<Option<Box<Tracked>>>,
-    pub(super) free_slots: Vec<u32>,
-    pub(super) slot_of_id: BTreeMap<ObjectId, u32>,
-    /// Merged objects and what they were merged into.
-    pub(super) aliases: BTreeMap<ObjectId, ObjectId>,
-    pub(super) visibility: VisibilityIndex,
-    /// Visibility range of an object of unit size for which the index was built.
-    pub(super) indexed_range: f64,
-    pub(super) next_id: u64,
-    /// Number of consecutive frames that contradicted the map.
-    pub(super) disagreeing: u32,
-    /// Pairs of objects whose merge was refused, with their numbers of views at that time.
-    pub(super) tried_pairs: BTreeMap<(u64, u64), (usize, usize)>,
-    pub(super) rate: DetectionRate,
-    /// Frames for the consistency check, and what it has found so far.
-    pub(super) windows: Windows,
-    pub(super) diagnosis: Diagnosis,
+    pub(super) memory: Memory,
 }
 
 /// An object of a map.
@@ -135,187 +87,186 @@ impl ObjectMap {
     /// # Errors
     /// [`AssociateError::OutOfRange`] names the first option that is outside of its range.
     pub fn new(options: OnlineOptions) -> Result<Self, AssociateError> {
+        Ok(Self { memory: Memory::new(options)? })
+    }
+
+    /// The map with other options: of one that was stored, those that it had.
+    ///
+    /// # Errors
+    /// [`AssociateError::OutOfRange`] names the first option that is outside of its range.
+    pub fn with_options(self, options: OnlineOptions) -> Result<Self, AssociateError> {
         options.validate()?;
-        let running = Running::new(options.edge_noise_px.unwrap_or(FIRST_PIXEL_SD));
-        Ok(Self {
-            tally: IdTally::new(match options.ids {
-                IdPolicy::Trust => options.wrong_id_share.min(TRUSTED_WRONG_SHARE),
-                IdPolicy::Evidence | IdPolicy::Ignore => options.wrong_id_share,
-            }),
-            options,
-            next_key: 0,
-            last: None,
-            origin: Vector3::zeros(),
-            categories: Categories::default(),
-            cue_sources: Vec::new(),
-            scaled_by_frame: BTreeSet::new(),
-            input_ids: InputIds::default(),
-            running,
-            keyframes: Keyframes::default(),
-            recent: VecDeque::new(),
-            slots: Vec::new(),
-            free_slots: Vec::new(),
-            slot_of_id: BTreeMap::new(),
-            aliases: BTreeMap::new(),
-            visibility: VisibilityIndex::default(),
-            indexed_range: 0.0,
-            next_id: 1,
-            disagreeing: 0,
-            tried_pairs: BTreeMap::new(),
-            rate: DetectionRate::new(RATE_VIEWS),
-            windows: Windows::default(),
-            diagnosis: Diagnosis::default(),
-        })
+        Ok(Self { memory: Memory { options, ..self.memory } })
     }
 
     /// The options of the map.
     pub fn options(&self) -> &OnlineOptions {
-        &self.options
+        &self.memory.options
+    }
+
+    /// Observes a frame: returns the object of each detection and what has changed.
+    ///
+    /// The time depends on what the camera sees, not on the size of the map.
+    ///
+    /// # Errors
+    /// [`ObserveError`] says why the frame was refused; the map is unchanged.
+    pub fn observe(&mut self, frame: &Frame, detections: &[NewDetection]) -> Result<FrameUpdate, ObserveError> {
+        observe(&mut self.memory, frame, detections)
+    }
+
+    /// Assigns the boxes of all recent frames again and checks them, for the end of a stream. It takes about as long as observing that
+    /// many frames.
+    pub fn settle(&mut self) -> FrameUpdate {
+        let mut update = FrameUpdate::default();
+        recent_again(&mut self.memory, &mut update);
+        check_at_end(&mut self.memory, &mut update);
+        update
+    }
+
+    /// Moves frames and the objects that they show. Objects that then coincide are merged.
+    ///
+    /// Objects are refitted to their kept views; no old detection is needed. Frames that the map does not keep are skipped. The
+    /// update names merged objects.
+    pub fn update_poses(&mut self, poses: &[PoseUpdate]) -> FrameUpdate {
+        update_poses(&mut self.memory, poses)
+    }
+
+    /// Merges two objects that are known to be one. Returns the id that stays, the older one, or `None` if that is impossible.
+    pub fn merge(&mut self, first: ObjectId, second: ObjectId) -> Option<ObjectId> {
+        let objects = &self.memory.objects;
+        let (first, second) = (objects.resolve(first), objects.resolve(second));
+        let (a, b) = (objects.slot_of(first)?, objects.slot_of(second)?);
+        (a != b && merge_by_force(&mut self.memory, a, b)).then_some(first.min(second))
+    }
+
+    /// Removes an object from the map.
+    ///
+    /// Its id is not used again. Returns false if there is no such object.
+    pub fn remove(&mut self, id: ObjectId) -> bool {
+        let Some(slot) = self.memory.objects.slot_of(self.resolve(id)) else { return false };
+        remove_slot(&mut self.memory, slot, Removal::User, &mut FrameUpdate::default());
+        true
     }
 
     /// Number of observed frames.
     pub fn frames(&self) -> u64 {
-        self.running.frames
+        self.memory.running.frames
     }
 
     /// Id and time of the last frame.
     pub fn last_frame(&self) -> Option<(&str, f64)> {
-        self.last.as_ref().map(|(time, id)| (id.as_str(), *time))
+        self.memory.last.as_ref().map(|(time, id)| (id.as_str(), *time))
     }
 
     /// Number of kept frames: those of kept views, the recent ones, and those for the consistency check.
     pub fn keyframes(&self) -> usize {
-        self.keyframes.len()
+        self.memory.keyframes.len()
     }
 
     /// The frames that the map keeps, in the order in which they were observed.
     pub fn kept_frames(&self) -> impl Iterator<Item = &Frame> + '_ {
-        self.keyframes.iter().map(|(_, keyframe)| &keyframe.frame)
+        self.memory.keyframes.iter().map(|(_, keyframe)| &keyframe.frame)
     }
 
     /// Objects of the map, confirmed and gone, in the order of their ids.
     pub fn objects(&self) -> impl Iterator<Item = MapObject> + '_ {
-        self.tracked().filter(|t| t.presence != Presence::Tentative).filter_map(|t| self.describe(t))
+        let tracked = self.memory.objects.tracked().filter(|t| t.presence != Presence::Tentative);
+        tracked.filter_map(|t| describe(&self.memory, t))
     }
 
     /// Tentative objects, in the order of their ids.
     pub fn tentative_objects(&self) -> impl Iterator<Item = MapObject> + '_ {
-        self.tracked().filter(|t| t.presence == Presence::Tentative).filter_map(|t| self.describe(t))
+        let tracked = self.memory.objects.tracked().filter(|t| t.presence == Presence::Tentative);
+        tracked.filter_map(|t| describe(&self.memory, t))
     }
 
     /// An object by its id, or by the id of an object that was merged into it.
     pub fn object(&self, id: ObjectId) -> Option<MapObject> {
-        self.slot_of_id.get(&self.resolve(id)).and_then(|&slot| self.slot(slot)).and_then(|t| self.describe(t))
+        describe(&self.memory, self.memory.objects.by_id(self.resolve(id))?)
     }
 
     /// The object that an object was merged into, or the object itself.
     pub fn resolve(&self, id: ObjectId) -> ObjectId {
-        let mut id = id;
-        while let Some(&older) = self.aliases.get(&id) {
-            id = older;
-        }
-        id
+        self.memory.objects.resolve(id)
     }
 
-    pub(super) fn tracked(&self) -> impl Iterator<Item = &Tracked> + '_ {
-        self.slot_of_id.values().filter_map(|&slot| self.slot(slot))
+    /// Whether poses, cameras and boxes are consistent; `None` while there are too few frames and boxes to know.
+    pub fn consistent(&self) -> Option<bool> {
+        self.memory.windows.consistent
     }
 
-    pub(super) fn slot(&self, slot: u32) -> Option<&Tracked> {
-        self.slots.get(slot as usize).and_then(Option::as_deref)
+    /// The consistency check of the last frames that were inconsistent; that of nothing while [`Self::consistent`] is not `false`.
+    pub fn diagnosis(&self) -> &Diagnosis {
+        &self.memory.diagnosis
     }
 
-    pub(super) fn slot_mut(&mut self, slot: u32) -> Option<&mut Tracked> {
-        self.slots.get_mut(slot as usize).and_then(Option::as_deref_mut)
+    /// The confirmed objects as landmarks, with their ids: quick fits with their covariances, and the most frequent category. For many
+    /// images at once, or for the better fits of [`crate::localize()`], make a [`LandmarkMap`] once.
+    pub fn landmarks(&self) -> (Vec<ObjectId>, LandmarkMap) {
+        landmarks(&self.memory)
     }
 
-    fn describe(&self, tracked: &Tracked) -> Option<MapObject> {
-        let object = &tracked.object;
-        let center = Point3::from(object.center + self.origin);
-        let ellipsoid = Ellipsoid::from_shape(center, &(object.root * object.root.transpose())).ok()?;
-        let total: u32 = tracked.categories.iter().map(|&(_, count)| count).sum();
-        let mut categories: Vec<(Option<String>, f64)> = tracked
-            .categories
-            .iter()
-            .map(|&(category, n)| {
-                (self.categories.names()[usize::from(category)].clone(), f64::from(n) / f64::from(total.max(1)))
-            })
-            .collect();
-        categories.stable_sort_by(|a, b| b.1.total_cmp(&a.1));
-        let evidence = self.evidence_of(tracked);
-        let here = match tracked.presence {
-            Presence::Tentative => evidence,
-            Presence::Confirmed | Presence::Gone => evidence.min(tracked.log_odds),
-        };
-        Some(MapObject {
-            id: tracked.id,
-            presence: tracked.presence,
-            existence: 1.0 / (1.0 + (-here).exp()),
-            evidence,
-            ellipsoid,
-            categories,
-            detections: object.views() + tracked.repeated as usize,
-            expected_views: object.visible.max(object.views()) + tracked.repeated as usize,
-            kept_views: tracked.views.len(),
-            first_seen: tracked.first_time,
-            last_seen: tracked.last_time,
+    /// The options of [`ObjectMap::relocalize`] with the noise of boxes that the map has learned.
+    pub fn locate_options(&self) -> LocateOptions {
+        LocateOptions { edge_noise: self.memory.running.statistics.edge_noise, ..Default::default() }
+    }
+
+    /// The camera of an image, from its boxes: the map is not changed. A frame that was located can be observed with its pose. In a map
+    /// that is not [consistent](ObjectMap::consistent) no pose is [`Ok`](crate::relocalize::LocateStatus::Ok).
+    ///
+    /// See docs/method.md, section 20.
+    pub fn relocalize(&self, query: &Query, options: &LocateOptions) -> MapRelocalization {
+        relocalize(&self.memory, query, options)
+    }
+
+    /// The kept views as a scene. Its object ids are those of the map, in their order; tentative objects are left out. The map does
+    /// not know the vertical, the unit of length and the rigs of cameras: the scene has none.
+    pub fn to_scene(&self) -> Scene {
+        scene_and_views(&self.memory, &|_, edges| edges).0
+    }
+
+    /// The scene from which to estimate the objects ([`crate::localize()`]): that of [`ObjectMap::to_scene`], where each box is the mean
+    /// of those of the forgotten views that it stands for and its own.
+    pub fn to_averaged_scene(&self) -> Scene {
+        scene_and_views(&self.memory, &|view, edges| view.averaged(edges)).0
+    }
+
+    /// Outlines and oriented boxes of the detections of [`ObjectMap::to_scene`], in their order.
+    pub fn shapes_of_scene(&self) -> Vec<Option<&MapShape>> {
+        let (_, views) = scene_and_views(&self.memory, &|_, edges| edges);
+        views.into_iter().map(|view| view.shape.as_deref()).collect()
+    }
+}
+
+fn describe(memory: &Memory, tracked: &Tracked) -> Option<MapObject> {
+    let object = &tracked.object;
+    let center = Point3::from(object.center + memory.origin);
+    let ellipsoid = Ellipsoid::from_shape(center, &(object.root * object.root.transpose())).ok()?;
+    let total: u32 = tracked.categories.iter().map(|&(_, count)| count).sum();
+    let mut categories: Vec<(Option<String>, f64)> = tracked
+        .categories
+        .iter()
+        .map(|&(category, n)| {
+            (memory.categories.names()[usize::from(category)].clone(), f64::from(n) / f64::from(total.max(1)))
         })
-    }
-
-    /// Cameras and boxes of views in the form that association uses, and the statistics with their occluded edges.
-    pub(super) fn gather<'a>(&self, views: impl IntoIterator<Item = &'a KeptView>) -> (Observations, SceneStatistics) {
-        let mut observations = self.no_observations();
-        let mut statistics = self.running.statistics.clone();
-        for view in views {
-            let Some(keyframe) = self.keyframes.get(view.keyframe) else { continue };
-            let place = observations.cameras.len();
-            observations.cameras.push(Camera { boxes: place..place + 1, ..keyframe.camera.clone() });
-            observations.boxes.push(view.observation(place, &keyframe.shift));
-            statistics.hidden.push(from_bits(view.hidden));
-        }
-        (observations, statistics)
-    }
-
-    /// The fit of an object to its views, from the best of some starts; `None` if no start can be followed.
-    pub(super) fn fit_views(&self, tracked: &Tracked, starts: &[Start]) -> Option<Object> {
-        let (observations, statistics) = self.gather(&tracked.views);
-        fit(&observations, &statistics, tracked.object.boxes.clone(), starts)
-    }
-
-    /// Observations of this map without any box.
-    pub(super) fn no_observations(&self) -> Observations {
-        Observations {
-            cameras: Vec::new(),
-            boxes: Vec::new(),
-            categories: vec![None; self.categories.names().len()],
-            least_half_size: self.running.least_half_size(),
-            origin: self.origin,
-            sizes: self.running.box_sizes(),
-            category_share: self.running.category_share(),
-        }
-    }
-
-    /// Whether ids of detections are evidence.
-    pub(super) fn weighs_ids(&self) -> bool {
-        self.options.ids != IdPolicy::Ignore && self.input_ids.is_used()
-    }
-
-    /// Updates the place of an object in the visibility index.
-    pub(super) fn index(&mut self, slot: u32) {
-        let Some(tracked) = self.slots[slot as usize].as_ref() else { return };
-        let range = RANGE_MARGIN * self.indexed_range * tracked.object.longest_semi_axis();
-        self.visibility.put(slot, &tracked.object.center, range);
-    }
-
-    /// Rebuilds the visibility index if objects may be visible from farther away than it allows for.
-    pub(super) fn check_index(&mut self) {
-        let range = self.running.longest_focal / self.running.least_half_size().max(1e-9);
-        if range <= self.indexed_range && range > 0.25 * self.indexed_range {
-            return;
-        }
-        self.indexed_range = 1.1 * range;
-        for slot in 0..self.slots.len() as u32 {
-            self.index(slot);
-        }
-    }
+        .collect();
+    categories.stable_sort_by(|a, b| b.1.total_cmp(&a.1));
+    let evidence = memory.evidence_of(tracked);
+    let here = match tracked.presence {
+        Presence::Tentative => evidence,
+        Presence::Confirmed | Presence::Gone => evidence.min(tracked.log_odds),
+    };
+    Some(MapObject {
+        id: tracked.id,
+        presence: tracked.presence,
+        existence: 1.0 / (1.0 + (-here).exp()),
+        evidence,
+        ellipsoid,
+        categories,
+        detections: object.views() + tracked.repeated as usize,
+        expected_views: object.visible.max(object.views()) + tracked.repeated as usize,
+        kept_views: tracked.views.len(),
+        first_seen: tracked.first_time,
+        last_seen: tracked.last_time,
+    })
 }

@@ -19,6 +19,8 @@
 //! An object keeps a bounded number of views (`views`); the others are forgotten and only counted. `poses` moves keyframes after
 //! a loop closure, and `scene` makes a [`crate::scene::Scene`] of the kept views for the estimators, reports and files.
 //!
+//! `memory` is what the map knows; the steps are functions of its parts, and `map` is the interface. `state` is how it is stored.
+//!
 //! Nothing is random, and the only clock is the times of the frames: the same frames give the same map.
 
 mod input;
@@ -26,29 +28,37 @@ mod kept_shape;
 mod keyframes;
 mod names;
 mod options;
+#[cfg(feature = "serde")]
+mod pairs;
 mod running;
 mod update;
 mod views;
+mod recent_frames;
 mod windows;
 mod current;
 mod summary;
 mod tracked;
 mod visibility;
-mod map;
+mod objects;
+mod memory;
+#[cfg(feature = "serde")]
+mod state;
+mod removal;
+mod own_views;
+mod lifecycle;
+mod matching;
 mod births;
+mod recent;
+mod standstill;
+mod merging;
 mod exchange;
 mod learning;
-mod relocalize;
-mod matching;
-mod lifecycle;
-mod merging;
 mod consistency;
-mod standstill;
 mod observe;
 mod poses;
-mod recent;
+mod relocalize;
 mod scene;
-mod state;
+mod map;
 
 #[cfg(test)]
 mod cue_tests;
@@ -61,7 +71,6 @@ pub use map::{MapObject, ObjectMap};
 pub use options::OnlineOptions;
 pub use poses::PoseUpdate;
 pub use relocalize::MapRelocalization;
-pub use state::{MapState, StateError};
 pub use tracked::Presence;
 pub use update::{DetectionRef, Event, FrameUpdate, ObjectId, Removal};
 

@@ -54,22 +54,32 @@ impl InputIds {
 
 /// The categories of a map; detections without one have a category of their own.
 #[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(from = "Vec<Option<String>>", into = "Vec<Option<String>>"))]
 pub(super) struct Categories {
     names: Vec<Option<String>>,
     by_name: HashMap<String, u16>,
     none: Option<u16>,
 }
 
-impl Categories {
+impl From<Vec<Option<String>>> for Categories {
     /// Categories in the order of their numbers.
-    pub(super) fn new(names: Vec<Option<String>>) -> Self {
+    fn from(names: Vec<Option<String>>) -> Self {
         let mut categories = Self::default();
         for name in names {
             categories.add(name.as_deref());
         }
         categories
     }
+}
 
+impl From<Categories> for Vec<Option<String>> {
+    fn from(categories: Categories) -> Self {
+        categories.names
+    }
+}
+
+impl Categories {
     pub(super) fn names(&self) -> &[Option<String>] {
         &self.names
     }

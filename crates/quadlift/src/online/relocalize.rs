@@ -1,6 +1,6 @@
 //! Where the camera of an image is, from its boxes and the map.
 
-use super::map::ObjectMap;
+use super::memory::Memory;
 use super::tracked::Presence;
 use super::update::ObjectId;
 use crate::body_model::ellipsoid::shape_jacobian;
@@ -17,56 +17,44 @@ pub struct MapRelocalization {
     pub ids: Vec<ObjectId>,
 }
 
-impl ObjectMap {
-    /// The confirmed objects as landmarks, with their ids: quick fits with their covariances, and the most frequent category. For many
-    /// images at once, or for the better fits of [`crate::localize()`], make a [`LandmarkMap`] once.
-    pub fn landmarks(&self) -> (Vec<ObjectId>, LandmarkMap) {
-        let confirmed = self.tracked().filter(|tracked| tracked.presence == Presence::Confirmed);
-        let (ids, landmarks) = confirmed
-            .filter_map(|tracked| {
-                let object = &tracked.object;
-                let center = (object.center + self.origin).into();
-                let shape = object.root * object.root.transpose();
-                let most =
-                    tracked.categories.iter().max_by_key(|(category, count)| (*count, std::cmp::Reverse(*category)));
-                // From the center in units of the radius and the entries of D (see `Object::covariance`).
-                let mut slopes = Matrix9::identity() * object.radius;
-                slopes.fixed_view_mut::<6, 6>(3, 3).copy_from(&shape_jacobian(&object.root));
-                let covariance = slopes * object.covariance * slopes.transpose();
-                let landmark = Landmark {
-                    ellipsoid: Ellipsoid::from_shape(center, &shape).ok()?,
-                    covariance: Some(covariance).filter(|c| c.iter().all(|x| x.is_finite())),
-                    category: most.and_then(|&(category, _)| self.categories.names()[usize::from(category)].clone()),
-                };
-                Some((tracked.id, landmark))
-            })
-            .unzip();
-        (ids, LandmarkMap::new(landmarks))
-    }
+/// [`super::ObjectMap::landmarks`].
+pub(super) fn landmarks(memory: &Memory) -> (Vec<ObjectId>, LandmarkMap) {
+    let confirmed = memory.objects.tracked().filter(|tracked| tracked.presence == Presence::Confirmed);
+    let (ids, landmarks) = confirmed
+        .filter_map(|tracked| {
+            let object = &tracked.object;
+            let center = (object.center + memory.origin).into();
+            let shape = object.root * object.root.transpose();
+            let most = tracked.categories.iter().max_by_key(|(category, count)| (*count, std::cmp::Reverse(*category)));
+            // From the center in units of the radius and the entries of D (see `Object::covariance`).
+            let mut slopes = Matrix9::identity() * object.radius;
+            slopes.fixed_view_mut::<6, 6>(3, 3).copy_from(&shape_jacobian(&object.root));
+            let covariance = slopes * object.covariance * slopes.transpose();
+            let landmark = Landmark {
+                ellipsoid: Ellipsoid::from_shape(center, &shape).ok()?,
+                covariance: Some(covariance).filter(|c| c.iter().all(|x| x.is_finite())),
+                category: most.and_then(|&(category, _)| memory.categories.names()[usize::from(category)].clone()),
+            };
+            Some((tracked.id, landmark))
+        })
+        .unzip();
+    (ids, LandmarkMap::new(landmarks))
+}
 
-    /// The options of [`ObjectMap::relocalize`] with the noise of boxes that the map has learned.
-    pub fn locate_options(&self) -> LocateOptions {
-        LocateOptions { edge_noise: self.running.statistics.edge_noise, ..Default::default() }
+/// [`super::ObjectMap::relocalize`].
+pub(super) fn relocalize(memory: &Memory, query: &Query, options: &LocateOptions) -> MapRelocalization {
+    let (ids, map) = landmarks(memory);
+    let mut located = map.relocalize(query, options);
+    if memory.windows.consistent == Some(false) && located.status == LocateStatus::Ok {
+        located.status = LocateStatus::Inconsistent;
     }
-
-    /// The camera of an image, from its boxes: the map is not changed. A frame that was located can be observed with its pose. In a map
-    /// that is not [consistent](ObjectMap::consistent) no pose is [`LocateStatus::Ok`].
-    ///
-    /// See docs/method.md, section 20.
-    pub fn relocalize(&self, query: &Query, options: &LocateOptions) -> MapRelocalization {
-        let (ids, map) = self.landmarks();
-        let mut located = map.relocalize(query, options);
-        if self.consistent() == Some(false) && located.status == LocateStatus::Ok {
-            located.status = LocateStatus::Inconsistent;
-        }
-        MapRelocalization { located, ids }
-    }
+    MapRelocalization { located, ids }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::online::{Frame, OnlineOptions};
+    use crate::online::{Frame, ObjectMap, OnlineOptions};
     use crate::relocalize::QueryBox;
     use crate::scene::NewDetection;
     use crate::synthetic::{Noise, Observations, SyntheticOptions, generate};
@@ -113,7 +101,7 @@ mod tests {
         // Beyond 22.5 is one of 1000 with six degrees of freedom.
         assert!(nees < 22.5 && best.matches.len() >= 10, "{nees} {:?}", best.matches);
         assert_eq!(found.ids.len(), map.objects().count());
-        map.windows.consistent = Some(false);
+        map.memory.windows.consistent = Some(false);
         assert_eq!(map.relocalize(&query, &map.locate_options()).located.status, LocateStatus::Inconsistent);
         let empty = ObjectMap::new(OnlineOptions::default()).unwrap();
         assert_eq!(empty.relocalize(&query, &empty.locate_options()).located.status, LocateStatus::TooFewObjects);

@@ -7,6 +7,7 @@ use crate::association::score::scene_statistics::SceneStatistics;
 use crate::association::search::frame_shift::{FrameShift, spread};
 
 /// Upper bound of counts in a state, so that counting on does not overflow.
+#[cfg(feature = "serde")]
 pub(super) const MAX_COUNT: u64 = 1 << 53;
 
 /// Bins of the histogram of half sizes, eight for each octave from 1/16 of a pixel on.
@@ -72,17 +73,15 @@ impl Running {
         }
     }
 
-    /// Whether all lists have the right length for this number of categories.
-    pub(super) fn has_categories(&self, count: usize) -> bool {
-        let counts = [self.category_counts.len(), self.given_sizes.len(), self.statistics.log_sizes.len()];
-        counts.iter().all(|&n| n == count) && self.histogram.len() == BINS && self.statistics.hidden.is_empty()
-    }
-
-    /// Whether all counts are within [`MAX_COUNT`].
-    pub(super) fn is_countable(&self) -> bool {
-        let assigned = self.assigned.unsigned_abs();
-        [self.frames, self.repeated, self.boxes, assigned, self.shift_frames].iter().all(|&n| n < MAX_COUNT)
-            && self.histogram.iter().chain(&self.category_counts).all(|&n| n < MAX_COUNT)
+    /// Whether what was stored can be used in a map with so many categories.
+    #[cfg(feature = "serde")]
+    pub(super) fn is_valid(&self, categories: usize) -> bool {
+        let lists = [self.category_counts.len(), self.given_sizes.len(), self.statistics.log_sizes.len()];
+        let counts = [self.frames, self.repeated, self.boxes, self.assigned.unsigned_abs(), self.shift_frames];
+        lists.iter().all(|&length| length == categories)
+            && self.histogram.len() == BINS
+            && self.statistics.hidden.is_empty()
+            && counts.iter().chain(&self.histogram).chain(&self.category_counts).all(|&n| n < MAX_COUNT)
     }
 
     /// Adds a category.

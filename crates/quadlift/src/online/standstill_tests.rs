@@ -2,11 +2,12 @@
 
 use std::collections::HashMap;
 
-use nalgebra::{Matrix4, Vector3};
+use nalgebra::{Matrix3x4, Matrix4, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::super::{Event, Frame, FrameUpdate, ObjectId, ObjectMap, OnlineOptions};
+use super::super::tests::assert_sound;
+use super::super::{DetectionRef, Event, Frame, FrameUpdate, ObjectId, ObjectMap, OnlineOptions};
 use super::RecentFrame;
 use crate::geometry::{BoundingBox, Projection};
 use crate::metrics::pairwise_clustering_scores;
@@ -125,7 +126,7 @@ fn observe(frames: &[(Frame, Vec<Seen>)], with_ids: bool) -> Found {
         take(&update, &frame.id);
     }
     take(&map.settle(), "");
-    map.to_state().assert_sound();
+    assert_sound(&map);
     let mut names: HashMap<&str, u32> = HashMap::new();
     let (mut truth, mut found) = (Vec::new(), Vec::new());
     for (frame, seen) in frames {
@@ -212,7 +213,7 @@ fn false_boxes_of_a_place_are_no_boxes_of_objects() {
         cut: 0,
         hidden: 0,
     };
-    let copy = super::DetectionRef { frame: "a".to_owned(), detection: 0 };
+    let copy = DetectionRef { frame: "a".to_owned(), detection: 0 };
     let boxes = [5, 0].map(|copies| super::RecentBox {
         view: view(copies as u16),
         input_id: None,
@@ -222,4 +223,23 @@ fn false_boxes_of_a_place_are_no_boxes_of_objects() {
     let frame = |repeats| RecentFrame { key: 0, time: 0.0, boxes: boxes.to_vec(), repeats };
     let free = |repeats| [0, 1].map(|index| frame(repeats).is_free(index));
     assert_eq!([free(0), free(3), free(12), free(30)], [[true, true], [true, true], [true, false], [false, false]]);
+}
+
+#[test]
+fn every_detection_of_a_camera_that_moves_slowly_counts() {
+    // 10 px an image before two cups of 100 px.
+    let mut map = ObjectMap::new(OnlineOptions::default()).unwrap();
+    for k in (0..30).filter(|&k| k != 7) {
+        let x = -1.5 + 3.0 / 29.0 * f64::from(k);
+        let p = Matrix3x4::new(500.0, 0.0, 320.0, -500.0 * x, 0.0, 500.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0);
+        let mut frame = Frame::new(k.to_string(), f64::from(k), Projection::from_matrix(p).unwrap());
+        frame.image_size = Some([640.0, 480.0].into());
+        let cups = [-0.75, 0.75].map(|center| {
+            let u = 320.0 + 100.0 * (center - x);
+            NewDetection::from_box(BoundingBox::new([u - 50.0, 190.0, u + 50.0, 290.0]).unwrap())
+        });
+        map.observe(&frame, &cups).unwrap();
+    }
+    let detections: Vec<usize> = map.objects().map(|object| object.detections).collect();
+    assert_eq!(detections, [29, 29]);
 }

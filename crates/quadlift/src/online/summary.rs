@@ -4,7 +4,7 @@
 //! averaged into those of the box that stays, so that the estimators see the mean of many boxes in a camera that the map keeps.
 //! That is the information of the forgotten views with the Jacobians of their neighbor, which is relinearized whenever a
 //! body is fitted. When poses change it moves with its camera, and the motion of the forgotten frames relative to that, between those
-//! of the kept frames before and after, is taken out of the mean ([`KeptView::follow`]).
+//! of the kept frames before and after, is taken out of the mean ([`follow`]).
 
 use std::collections::BTreeMap;
 
@@ -44,89 +44,69 @@ impl Motions {
     }
 }
 
-impl KeptView {
-    /// Number of boxes that it stands for.
-    pub(super) fn stands_for(&self) -> u32 {
-        self.absorbed.as_ref().map_or(1, |absorbed| absorbed.views())
+/// Averages the errors of a view that is forgotten into this one. Nothing happens if the two do not measure the same
+/// edges, or if an edge of the other is an outlier.
+pub(super) fn absorb(
+    view: &mut KeptView,
+    own: &Camera,
+    other: &KeptView,
+    others: &Keyframe,
+    object: &Object,
+    statistics: &SceneStatistics,
+) {
+    if (view.cut, view.hidden) != (other.cut, other.hidden) {
+        return;
     }
-
-    /// Edges of a box less the mean errors of the views it stands for.
-    pub(super) fn averaged(&self, edges: [f64; 4]) -> [f64; 4] {
-        match &self.absorbed {
-            Some(absorbed) => std::array::from_fn(|e| edges[e] + f64::from(absorbed.offset[e])),
-            None => edges,
-        }
+    // Shifts of frames stay in the errors: they are averaged, too.
+    let errors = |view: &KeptView, camera: &Camera| {
+        let prediction = object.predict(camera)?;
+        let observation = view.observation(0, &Vector2::zeros());
+        let edges = view.averaged(observation.edges);
+        let errors: [f64; 4] = std::array::from_fn(|e| edges[e] - prediction.edges[e]);
+        let [width, height] = prediction.size();
+        Some((errors, statistics.sd(&observation), (width * height).sqrt()))
+    };
+    let (Some((mine, _, size)), Some((theirs, sd, other_size))) = (errors(view, own), errors(other, &others.camera))
+    else {
+        return;
+    };
+    let measured = from_bits(!(view.cut | view.hidden));
+    let is_outlier = |e: usize| measured[e] && (theirs[e] - others.shift[e % 2]).abs() > MAX_DEVIATIONS * sd;
+    if (0..4).any(is_outlier) {
+        return;
     }
+    let (count, other_count) = (f64::from(view.stands_for()), f64::from(other.stands_for()));
+    let share = other_count / (count + other_count);
+    // The same error of the body is smaller in pixels from farther away.
+    let scale = size / other_size;
+    let offset = std::array::from_fn(|e| {
+        let before = view.absorbed.as_ref().map_or(0.0, |absorbed| f64::from(absorbed.offset[e]));
+        let change = if measured[e] { share * (scale * theirs[e] - mine[e]) } else { 0.0 };
+        (before + change) as f32
+    });
+    let mut visits = view.visits().to_vec();
+    let of_other = Visit { mean_key: f64::from(other.keyframe), views: 1 };
+    other.visits().iter().chain([&of_other]).for_each(|visit| add_visit(&mut visits, *visit));
+    view.absorbed = Some(Box::new(Absorbed { offset, visits }));
+}
 
-    /// Averages the errors of a view that is forgotten into this one. Nothing happens if the two do not measure the same
-    /// edges, or if an edge of the other is an outlier.
-    pub(super) fn absorb(
-        &mut self,
-        own: &Camera,
-        other: &Self,
-        others: &Keyframe,
-        object: &Object,
-        statistics: &SceneStatistics,
-    ) {
-        if (self.cut, self.hidden) != (other.cut, other.hidden) {
-            return;
-        }
-        // Shifts of frames stay in the errors: they are averaged, too.
-        let errors = |view: &Self, camera: &Camera| {
-            let prediction = object.predict(camera)?;
-            let observation = view.observation(0, &Vector2::zeros());
-            let edges = view.averaged(observation.edges);
-            let errors: [f64; 4] = std::array::from_fn(|e| edges[e] - prediction.edges[e]);
-            let [width, height] = prediction.size();
-            Some((errors, statistics.sd(&observation), (width * height).sqrt()))
-        };
-        let (Some((mine, _, size)), Some((theirs, sd, other_size))) =
-            (errors(self, own), errors(other, &others.camera))
-        else {
-            return;
-        };
-        let measured = from_bits(!(self.cut | self.hidden));
-        let is_outlier = |e: usize| measured[e] && (theirs[e] - others.shift[e % 2]).abs() > MAX_DEVIATIONS * sd;
-        if (0..4).any(is_outlier) {
-            return;
-        }
-        let (count, other_count) = (f64::from(self.stands_for()), f64::from(other.stands_for()));
-        let share = other_count / (count + other_count);
-        // The same error of the body is smaller in pixels from farther away.
-        let scale = size / other_size;
-        let offset = std::array::from_fn(|e| {
-            let before = self.absorbed.as_ref().map_or(0.0, |absorbed| f64::from(absorbed.offset[e]));
-            let change = if measured[e] { share * (scale * theirs[e] - mine[e]) } else { 0.0 };
-            (before + change) as f32
-        });
-        let mut visits = self.visits().to_vec();
-        let of_other = Visit { mean_key: f64::from(other.keyframe), views: 1 };
-        other.visits().iter().chain([&of_other]).for_each(|visit| add_visit(&mut visits, *visit));
-        self.absorbed = Some(Box::new(Absorbed { offset, visits }));
-    }
-
-    fn visits(&self) -> &[Visit] {
-        self.absorbed.as_ref().map_or(&[], |absorbed| &absorbed.visits)
-    }
-
-    /// Corrects the mean for a change of poses; `object` is the body and `old` the camera before it.
-    pub(super) fn follow(&mut self, object: &Object, old: &Camera, motions: &Motions) {
-        let keyframe = f64::from(self.keyframe);
-        let Some(absorbed) = &mut self.absorbed else { return };
-        let Some((turn, shift)) = motions.at(keyframe) else { return };
-        let (Some(turn_back), Some(before)) = (turn.try_inverse(), object.predict(old)) else { return };
-        let views = f64::from(absorbed.views());
-        for visit in &absorbed.visits {
-            let Some(others) = motions.at(visit.mean_key) else { continue };
-            // The body where the forgotten frames saw it, relative to where this frame saw it.
-            let turn = turn_back * others.0;
-            let center = turn * object.center + turn_back * (others.1 - shift);
-            let seen_by_others = Object { center, root: turn * object.root, ..object.clone() };
-            let Some(after) = seen_by_others.predict(old) else { continue };
-            let share = f64::from(visit.views) / views;
-            for e in 0..4 {
-                absorbed.offset[e] += (share * (after.edges[e] - before.edges[e])) as f32;
-            }
+/// Corrects the mean for a change of poses; `object` is the body and `old` the camera before it.
+pub(super) fn follow(view: &mut KeptView, object: &Object, old: &Camera, motions: &Motions) {
+    let keyframe = f64::from(view.keyframe);
+    let Some(absorbed) = &mut view.absorbed else { return };
+    let Some((turn, shift)) = motions.at(keyframe) else { return };
+    let (Some(turn_back), Some(before)) = (turn.try_inverse(), object.predict(old)) else { return };
+    let views = f64::from(absorbed.views());
+    for visit in &absorbed.visits {
+        let Some(others) = motions.at(visit.mean_key) else { continue };
+        // The body where the forgotten frames saw it, relative to where this frame saw it.
+        let turn = turn_back * others.0;
+        let center = turn * object.center + turn_back * (others.1 - shift);
+        let seen_by_others = Object { center, root: turn * object.root, ..object.clone() };
+        let Some(after) = seen_by_others.predict(old) else { continue };
+        let share = f64::from(visit.views) / views;
+        for e in 0..4 {
+            absorbed.offset[e] += (share * (after.edges[e] - before.edges[e])) as f32;
         }
     }
 }

@@ -1,7 +1,10 @@
 //! The map as a whole: what it finds, forgets, refuses and stores.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Matrix3x4, Matrix4, Rotation3, Vector3};
 
+use super::own_views::{add_late, refit, take_back};
 use super::*;
 use crate::association::IdPolicy;
 use crate::geometry::{BoundingBox, Projection};
@@ -49,6 +52,44 @@ fn map() -> ObjectMap {
     ObjectMap::new(OnlineOptions::default()).unwrap()
 }
 
+/// All that determines what the map does, as text.
+pub(super) fn numbers(map: &ObjectMap) -> String {
+    let memory = &map.memory;
+    let sources = (&memory.cue_sources, &memory.scaled_by_frame);
+    let names = (memory.categories.names(), sources, &memory.input_ids, &memory.objects.tally);
+    let frames = (memory.next_key, &memory.last, &memory.origin, &memory.keyframes, &memory.recent, &memory.windows);
+    let objects: Vec<_> = memory.objects.tracked().collect();
+    let found = (&memory.tried_pairs, memory.disagreeing, &memory.diagnosis);
+    format!("{:?}", (names, frames, objects, &memory.running, found))
+}
+
+/// Panics if references or counts are wrong.
+pub(super) fn assert_sound(map: &ObjectMap) {
+    let memory = &map.memory;
+    let mut held: BTreeMap<u32, u32> = BTreeMap::new();
+    for view in memory.objects.tracked().flat_map(|tracked| &tracked.views) {
+        *held.entry(view.keyframe).or_default() += 1;
+    }
+    for frame in memory.recent.iter().chain(memory.windows.all()) {
+        *held.entry(frame.key).or_default() += 1;
+    }
+    let references: BTreeMap<u32, u32> = memory.keyframes.iter().map(|(key, k)| (key, k.references)).collect();
+    assert_eq!(held, references);
+    let views: usize = memory.objects.tracked().map(|tracked| tracked.views.len() + tracked.object.forgotten).sum();
+    assert_eq!(memory.running.assigned, views as i64);
+    let mut repeats: BTreeMap<ObjectId, u32> = BTreeMap::new();
+    for found in memory.recent.iter().flat_map(|frame| &frame.boxes) {
+        found.owner.into_iter().for_each(|id| *repeats.entry(id).or_default() += found.repeats());
+    }
+    let (categories, sources) = (memory.categories.names().len(), memory.cue_sources.len());
+    for tracked in memory.objects.tracked() {
+        let known = repeats.get(&tracked.id).copied().unwrap_or(0);
+        assert!(tracked.repeated >= known, "{} {known}", tracked.repeated);
+        assert!(tracked.is_valid(categories, sources));
+    }
+    memory.objects.assert_sound();
+}
+
 /// For each true object the objects of the map whose centers lie within its shortest semi-axis.
 fn found(map: &ObjectMap, synthetic: &SyntheticScene) -> Vec<Vec<ObjectId>> {
     let is_at = |object: &MapObject, body: &crate::geometry::Ellipsoid| {
@@ -89,8 +130,8 @@ fn estimates_use_the_views_that_were_forgotten() {
         crate::metrics::score_found(&estimates, &bodies, 0.25).mean_iou3d.unwrap()
     };
     let (kept, averaged) = (map.to_scene(), map.to_averaged_scene());
-    let views: u32 = map.tracked().flat_map(|t| &t.views).map(super::views::KeptView::stands_for).sum();
-    let detections: usize = map.tracked().map(|t| t.object.views()).sum();
+    let views: u32 = map.memory.objects.tracked().flat_map(|t| &t.views).map(super::views::KeptView::stands_for).sum();
+    let detections: usize = map.memory.objects.tracked().map(|t| t.object.views()).sum();
     // Few forgotten boxes are outliers, or have other cut edges than the view that is most like them.
     assert!(views as usize > detections * 9 / 10, "{views} of {detections}");
     assert_eq!(kept.detections.len(), averaged.detections.len());
@@ -126,24 +167,29 @@ fn views_that_were_fitted_with_another_object_go_back_when_poses_are_updated() {
             let most = truths.iter().map(|t| truths.iter().filter(|other| *other == t).count()).max();
             truths.len() - most.unwrap_or(0)
         };
-        map.tracked().map(of).sum()
+        map.memory.objects.tracked().map(of).sum()
     };
     let before = strays(&map);
     // The nearest pair: the first gives the second its views in frames in which the second has none.
-    let objects: Vec<(u32, Vector3<f64>)> =
-        map.slot_of_id.values().map(|&slot| (slot, map.slot(slot).unwrap().object.center)).collect();
+    let objects: Vec<(u32, Vector3<f64>)> = map
+        .memory
+        .objects
+        .slots()
+        .into_iter()
+        .map(|slot| (slot, map.memory.objects.get(slot).unwrap().object.center))
+        .collect();
     let pairs = objects.iter().flat_map(|a| objects.iter().filter(|b| b.0 != a.0).map(move |b| (a, b)));
     let (a, b) = pairs.min_by(|x, y| (x.0.1 - x.1.1).norm().total_cmp(&(y.0.1 - y.1.1).norm())).unwrap();
-    let taker = map.slot(b.0).unwrap();
+    let taker = map.memory.objects.get(b.0).unwrap();
     let given: Vec<_> =
-        map.slot(a.0).unwrap().views.iter().filter(|v| !taker.is_seen_in(v.keyframe)).cloned().collect();
+        map.memory.objects.get(a.0).unwrap().views.iter().filter(|v| !taker.is_seen_in(v.keyframe)).cloned().collect();
     for view in given {
-        map.keyframes.hold(view.keyframe);
-        map.take_back(a.0, &view, None);
-        map.add_late(b.0, view, None);
+        map.memory.keyframes.hold(view.keyframe);
+        take_back(&mut map.memory, a.0, &view, None, 0);
+        add_late(&mut map.memory, b.0, view, None, 0);
     }
     let mut update = FrameUpdate::default();
-    map.refit(b.0, &mut update);
+    refit(&mut map.memory, b.0, &mut update);
     assert!(strays(&map) >= before + 4, "{} {before}", strays(&map));
     let same = scene.frames.iter().map(|f| PoseUpdate { frame: f.id.clone(), projection: f.projection });
     map.update_poses(&same.collect::<Vec<_>>());
@@ -151,28 +197,14 @@ fn views_that_were_fitted_with_another_object_go_back_when_poses_are_updated() {
 }
 
 #[test]
-fn a_map_that_was_stored_goes_on_as_if_nothing_had_happened() {
+fn the_same_frames_give_the_same_map() {
     let synthetic = around(8, 40, SyntheticIds::Tracks { fragments: 0.05, switches: 0.05 });
-    let mut unbroken = map();
-    for k in 0..40 {
-        let update = observe(&mut unbroken, &synthetic.scene, k..k + 1);
-        if k % 7 == 3 {
-            let mut stored = ObjectMap::from_state(OnlineOptions::default(), unbroken.to_state()).unwrap();
-            assert_eq!(stored.to_state(), unbroken.to_state(), "frame {k}");
-            let mut other = unbroken.clone();
-            let next = (k + 1)..(k + 3).min(40);
-            assert_eq!(
-                observe(&mut stored, &synthetic.scene, next.clone()),
-                observe(&mut other, &synthetic.scene, next)
-            );
-            assert_eq!(stored.to_state(), other.to_state(), "frame {k}");
-        }
-        assert_eq!(update.len(), 1);
-    }
-    // The same frames give the same map.
-    let mut again = map();
-    observe(&mut again, &synthetic.scene, 0..40);
-    assert_eq!(again.to_state(), unbroken.to_state());
+    let [first, second] = [0; 2].map(|_| {
+        let mut map = map();
+        observe(&mut map, &synthetic.scene, 0..40);
+        numbers(&map)
+    });
+    assert_eq!(first, second);
 }
 
 #[test]
@@ -248,7 +280,7 @@ fn objects_follow_their_frames_after_a_loop_closure_and_duplicates_are_merged() 
     let (older, younger) = merged[0];
     assert!(older < younger && map.resolve(younger) == map.resolve(older));
     assert_eq!(map.object(younger), map.object(older));
-    map.to_state().assert_sound();
+    assert_sound(&map);
 }
 
 #[test]
@@ -256,7 +288,7 @@ fn frames_that_make_no_sense_are_refused_and_change_nothing() {
     let synthetic = around(6, 30, SyntheticIds::Absent);
     let mut map = map();
     observe(&mut map, &synthetic.scene, 0..20);
-    let before = map.to_state();
+    let before = numbers(&map);
     let frame = |id: &str, time: f64| Frame {
         id: id.to_owned(),
         ..Frame::of_scene(&synthetic.scene, &synthetic.scene.frames[20], time)
@@ -275,7 +307,7 @@ fn frames_that_make_no_sense_are_refused_and_change_nothing() {
     let names: Vec<String> = (0..MAX_CATEGORIES).map(|k| k.to_string()).collect();
     let categories: Vec<NewDetection> = names.iter().map(|n| NewDetection { category: Some(n), ..good[0] }).collect();
     assert!(matches!(map.observe(&frame("a", 20.0), &categories), Err(ObserveError::TooManyCategories { .. })));
-    assert_eq!(map.to_state(), before);
+    assert_eq!(numbers(&map), before);
     assert!(map.observe(&frame("a", 20.0), &good).is_ok());
 }
 
@@ -322,7 +354,7 @@ fn memory_is_bounded() {
     assert!(map.keyframes() <= 12 * 8 + 25, "{}", map.keyframes());
     let forgotten = |e: &Event| matches!(e, Event::Removed { reason: Removal::Forgotten, .. });
     assert!(updates.iter().flat_map(|u| &u.events).any(forgotten));
-    map.to_state().assert_sound();
+    assert_sound(&map);
 }
 
 #[test]
@@ -336,7 +368,7 @@ fn users_merge_and_remove_objects() {
     assert_eq!(map.merge(ids[2], ids[1]), Some(ids[1]));
     assert_eq!(map.object(ids[2]).unwrap().id, ids[1]);
     assert_eq!(map.objects().count(), ids.len() - 2);
-    map.to_state().assert_sound();
+    assert_sound(&map);
 }
 
 #[test]
@@ -379,19 +411,13 @@ fn five_thousand_boxes_in_a_frame_take_a_bounded_time() {
         assert!(update.events.iter().filter(|e| matches!(e, Event::New { .. })).count() <= 500);
     }
     observe(&mut map, &synthetic.scene, 12..20);
-    map.to_state().assert_sound();
+    assert_sound(&map);
 }
 
 #[test]
-fn a_damaged_state_is_refused() {
-    let synthetic = around(6, 20, SyntheticIds::Absent);
-    let mut map = map();
-    observe(&mut map, &synthetic.scene, 0..20);
-    let state = map.to_state();
-    for damaged in state.damaged() {
-        let error = ObjectMap::from_state(OnlineOptions::default(), damaged).unwrap_err();
-        assert!(matches!(error, StateError::Damaged(_) | StateError::Version { .. }), "{error}");
-    }
-    let options = OnlineOptions { max_views: 3, ..Default::default() };
-    assert!(matches!(ObjectMap::from_state(options, state), Err(StateError::Options(_))));
+fn a_map_takes_other_options_of_their_ranges_only() {
+    let other = map().with_options(OnlineOptions { max_views: 5, ..Default::default() }).unwrap();
+    assert_eq!(other.options().max_views, 5);
+    let error = map().with_options(OnlineOptions { max_views: 3, ..Default::default() }).unwrap_err();
+    assert!(error.to_string().contains("maximum number of views"), "{error}");
 }

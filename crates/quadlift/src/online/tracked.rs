@@ -32,6 +32,7 @@ pub(super) const DETECTED_LOG_ODDS: f64 = 6.9;
 
 /// An object of the map.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Tracked {
     pub id: ObjectId,
     /// The fit; its boxes are indices into `views`.
@@ -61,6 +62,10 @@ pub(super) struct Tracked {
 /// Number of views for which places are reserved at a time.
 const GROWTH: usize = 8;
 
+/// Upper bound of counts in a state, so that counting on does not overflow.
+#[cfg(any(feature = "serde", test))]
+const MAX_STORED_COUNT: u32 = u32::MAX / 2;
+
 /// Maximum number of input ids that are remembered per object.
 const MAX_INPUT_IDS: usize = 32;
 
@@ -85,44 +90,45 @@ impl Tracked {
         }
     }
 
-    /// Counts the category and the id of a detection.
-    fn count(&mut self, view: &KeptView, input_id: Option<u32>) {
-        match self.categories.iter_mut().find(|(category, _)| *category == view.category) {
-            Some((_, count)) => *count += 1,
-            None => self.categories.push((view.category, 1)),
+    /// Adds to the count of a category.
+    pub(super) fn count_category(&mut self, category: u16, times: u32) {
+        match self.categories.iter_mut().find(|(known, _)| *known == category) {
+            Some((_, count)) => *count = count.saturating_add(times),
+            None => self.categories.push((category, times)),
         }
-        self.count_id(input_id, 1);
     }
 
-    /// Counts a detection that adds no view.
-    pub(super) fn repeat(&mut self, view: &KeptView, input_id: Option<u32>) {
-        self.repeated = self.repeated.saturating_add(1);
-        self.count(view, input_id);
+    /// Counts detections that add no view.
+    pub(super) fn repeat(&mut self, category: u16, times: u32) {
+        self.repeated = self.repeated.saturating_add(times);
+        self.count_category(category, times);
     }
 
     /// Adds to the count of an id.
     pub(super) fn count_id(&mut self, input_id: Option<u32>, times: u32) {
         let Some(id) = input_id else { return };
         if let Some((_, count)) = self.input_ids.iter_mut().find(|(known, _)| *known == id) {
-            *count += times;
+            *count = count.saturating_add(times);
         } else if self.input_ids.len() < MAX_INPUT_IDS {
             self.input_ids.push((id, times));
         }
     }
 
-    /// Removes a detection from the counts.
-    pub(super) fn uncount(&mut self, view: &KeptView, input_id: Option<u32>) {
+    /// Removes a detection that was repeated so often from the counts.
+    pub(super) fn uncount(&mut self, view: &KeptView, input_id: Option<u32>, repeats: u32) {
+        self.repeated = self.repeated.saturating_sub(repeats);
         if let Some((_, count)) = self.input_ids.iter_mut().find(|(known, _)| Some(*known) == input_id) {
             *count = count.saturating_sub(1);
         }
-        if let Some((_, count)) = self.categories.iter_mut().find(|(category, _)| *category == view.category) {
-            *count = count.saturating_sub(1);
+        if let Some((_, count)) = self.categories.iter_mut().find(|(known, _)| *known == view.category) {
+            *count = count.saturating_sub(1 + repeats);
         }
     }
 
     /// Adds a view in the order of frames, without a fit.
     pub(super) fn add_view(&mut self, view: KeptView, input_id: Option<u32>) {
-        self.count(&view, input_id);
+        self.count_category(view.category, 1);
+        self.count_id(input_id, 1);
         self.last_keyframe = self.last_keyframe.max(view.keyframe);
         let place = self.views.partition_point(|v| v.keyframe < view.keyframe);
         if self.views.len() == self.views.capacity() {
@@ -150,6 +156,25 @@ impl Tracked {
     /// Whether it has a kept view of a frame.
     pub(super) fn is_seen_in(&self, keyframe: u32) -> bool {
         self.views.binary_search_by_key(&keyframe, |v| v.keyframe).is_ok()
+    }
+
+    /// Whether what was stored can be used in a map with so many categories and sources of cues.
+    #[cfg(any(feature = "serde", test))]
+    pub(super) fn is_valid(&self, categories: usize, cue_sources: usize) -> bool {
+        let object = &self.object;
+        let shape = object.center.iter().chain(&object.root).chain(&object.covariance);
+        let counts = [object.visible, object.forgotten, self.fitted_views];
+        shape.chain(&[self.first_time, self.last_time]).all(|x| x.is_finite())
+            && object.radius > 0.0
+            && object.radius.is_finite()
+            && object.category < categories
+            && self.categories.iter().all(|&(category, _)| usize::from(category) < categories)
+            && self.views.len() >= 2
+            && self.views.is_sorted_by(|a, b| a.keyframe < b.keyframe)
+            && self.views.iter().all(|view| view.is_valid(categories, cue_sources))
+            // Counting goes on.
+            && counts.iter().all(|&n| n < MAX_STORED_COUNT as usize)
+            && [self.clear, self.clear_detected].iter().all(|&n| n < MAX_STORED_COUNT)
     }
 
     /// Numbers the boxes of the fit by the views.

@@ -4,9 +4,10 @@ use nalgebra::{Vector2, Vector3};
 
 use super::kept_shape::MapShape;
 use super::keyframes::Keyframes;
-use super::update::{DetectionRef, ObjectId};
 use crate::association::input::observations::{BoxObservation, Camera, log_odds_against};
 use crate::geometry::BoundingBox;
+#[cfg(any(feature = "serde", test))]
+use crate::geometry::rotation_defect;
 use crate::scene::Cues;
 
 /// A kept detection. A map has dozens per object, so it is small: edges have single precision, 1e-4 px.
@@ -57,6 +58,7 @@ pub(super) struct Absorbed {
 
 impl Absorbed {
     /// Whether all numbers are in their ranges.
+    #[cfg(any(feature = "serde", test))]
     pub(super) fn is_valid(&self) -> bool {
         let is_visit = |visit: &Visit| (0.0..=f64::from(u32::MAX)).contains(&visit.mean_key) && visit.views >= 1;
         let are_visits = (1..=MAX_VISITS).contains(&self.visits.len()) && self.visits.iter().all(is_visit);
@@ -84,31 +86,6 @@ impl Visit {
         let share = f64::from(other.views) / f64::from(views);
         Self { mean_key: self.mean_key + share * (other.mean_key - self.mean_key), views }
     }
-}
-
-/// A frame whose boxes may still be reassigned.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct RecentFrame {
-    pub key: u32,
-    pub time: f64,
-    pub boxes: Vec<RecentBox>,
-    /// Number of frames from the same place after it.
-    #[cfg_attr(feature = "serde", serde(default))]
-    pub repeats: u32,
-}
-
-/// A box with its object.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct RecentBox {
-    pub view: KeptView,
-    /// Input id of the detection.
-    pub input_id: Option<u32>,
-    pub owner: Option<ObjectId>,
-    /// The same box in frames from the same place.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
-    pub copies: Vec<DetectionRef>,
 }
 
 /// Four flags as bits.
@@ -146,6 +123,41 @@ impl KeptView {
             score_log_odds: log_odds_against(self.score.map(f64::from)),
             ..BoxObservation::new(frame, edges, from_bits(self.cut), usize::from(self.category))
         }
+    }
+
+    /// Number of boxes that it stands for.
+    pub(super) fn stands_for(&self) -> u32 {
+        self.absorbed.as_ref().map_or(1, |absorbed| absorbed.views())
+    }
+
+    /// Edges of a box less the mean errors of the views it stands for.
+    pub(super) fn averaged(&self, edges: [f64; 4]) -> [f64; 4] {
+        match &self.absorbed {
+            Some(absorbed) => std::array::from_fn(|e| edges[e] + f64::from(absorbed.offset[e])),
+            None => edges,
+        }
+    }
+
+    /// The times at which the views that it stands for were seen, but for its own.
+    pub(super) fn visits(&self) -> &[Visit] {
+        self.absorbed.as_ref().map_or(&[], |absorbed| &absorbed.visits)
+    }
+
+    /// Whether what was stored can be used in a map with so many categories and sources of cues.
+    #[cfg(any(feature = "serde", test))]
+    pub(super) fn is_valid(&self, categories: usize, cue_sources: usize) -> bool {
+        let are_valid = |cues: &Cues| {
+            let rotation = cues.box3d.and_then(|box3d| box3d.rotation);
+            cues.sources().all(|source| (source as usize) < cue_sources)
+                // As of poses.
+                && rotation.is_none_or(|rotation| rotation_defect(rotation.matrix()) <= 1e-3)
+                && cues.check().is_ok()
+        };
+        usize::from(self.category) < categories
+            && self.bounding_box().is_some()
+            && self.absorbed.as_ref().is_none_or(|absorbed| absorbed.is_valid())
+            && self.shape.as_ref().is_none_or(|shape| shape.is_valid())
+            && self.cues.as_deref().is_none_or(are_valid)
     }
 
     /// Whether this is the detection of another view.

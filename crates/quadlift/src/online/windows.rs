@@ -1,6 +1,6 @@
 //! The frames that the consistency check of a map looks at, and what it has found.
 
-use super::views::RecentFrame;
+use super::recent_frames::RecentFrame;
 
 /// The windows of a map.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -30,7 +30,15 @@ impl Windows {
         0.1 * self.usual_step
     }
 
+    /// Takes a frame that is not recent any more, or that the map has left out, with its reference.
+    pub(super) fn keep(&mut self, mut frame: RecentFrame) {
+        frame.forget_extras();
+        let place = self.frames.partition_point(|other| other.key < frame.key);
+        self.frames.insert(place, frame);
+    }
+
     /// All frames that it holds.
+    #[cfg(any(feature = "serde", test))]
     pub(super) fn all(&self) -> impl Iterator<Item = &RecentFrame> {
         self.frames.iter().chain(&self.suspect)
     }

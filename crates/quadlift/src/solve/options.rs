@@ -90,6 +90,7 @@ impl CategoryPriors {
 
 /// Standard deviations of the errors of camera poses, independent between frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PoseNoise {
     /// Rotation about each axis, radians; positive.
     pub rotation_sd: f64,

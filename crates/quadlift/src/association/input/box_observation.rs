@@ -10,7 +10,7 @@ use crate::geometry::Projection;
 const MIN_SCORE: f64 = 1e-3;
 
 /// A posed image.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Camera {
     /// World to pixels with a third row of length one, the world's origin amid the cameras.
     pub matrix: Matrix3x4<f64>,

@@ -22,8 +22,10 @@ impl Prediction {
 
 /// An ellipsoid and the boxes that are taken for its detections.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Object {
     /// Indices of the boxes, ascending, hence in the order of the frames.
+    #[cfg_attr(feature = "serde", serde(skip))]
     pub boxes: Vec<u32>,
     /// Center, less the origin of the observations.
     pub center: Vector3<f64>,
@@ -45,6 +47,7 @@ pub(crate) struct Object {
     /// Frames in which it should be seen.
     pub visible: usize,
     /// The id whose boxes it keeps, where ids are trusted.
+    #[cfg_attr(feature = "serde", serde(skip))]
     pub trusted_id: Option<u32>,
 }
 

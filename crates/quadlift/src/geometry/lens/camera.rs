@@ -12,12 +12,28 @@ const WIDEST_ANGLE_DEG: f64 = 80.0;
 
 /// A camera of one of COLMAP's models.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(try_from = "(CameraModel, Vec<f64>)", into = "(CameraModel, Vec<f64>)"))]
 pub struct Camera {
     model: CameraModel,
     params: [f64; MAX_PARAMETERS],
     pinhole: Intrinsics,
     /// How far from the axis the model can be inverted, in the plane that its polynomial bends.
     pub(super) reach: f64,
+}
+
+impl TryFrom<(CameraModel, Vec<f64>)> for Camera {
+    type Error = CameraError;
+
+    fn try_from((model, params): (CameraModel, Vec<f64>)) -> Result<Self, CameraError> {
+        Self::new(model, &params)
+    }
+}
+
+impl From<Camera> for (CameraModel, Vec<f64>) {
+    fn from(camera: Camera) -> Self {
+        (camera.model, camera.params().to_vec())
+    }
 }
 
 impl Camera {
