@@ -148,7 +148,7 @@ impl NoiseModel {
     }
 
     /// The given levels, in the order of [`NOISE_NAMES`].
-    pub fn levels(&self) -> impl Iterator<Item = (&'static str, f64)> {
+    pub(crate) fn levels(&self) -> impl Iterator<Item = (&'static str, f64)> {
         NOISE_NAMES.into_iter().filter_map(|name| Some((name, self.get(name)?)))
     }
 }
