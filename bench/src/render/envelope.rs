@@ -124,7 +124,7 @@ mod tests {
         for kind in ObjectKind::ALL {
             let object = Object::draw(&mut rng, kind, &Color::repeat(0.5));
             let envelope = object.envelope();
-            let grown = envelope.scaled(1.005);
+            let grown = Ellipsoid { semi_axes: envelope.semi_axes * 1.005, ..envelope };
             let points: Vec<_> = object.solids.iter().flat_map(surface_points).collect();
             assert!(points.iter().all(|p| grown.contains(p)), "{kind:?}");
             // The least ellipsoid touches on all sides: pushed in any direction, it loses a point.

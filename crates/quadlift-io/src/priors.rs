@@ -108,7 +108,7 @@ pub fn builtin_priors() -> CategoryPriors {
 }
 
 /// Size ranges for a length unit: the built-in priors for meters, otherwise nothing.
-pub fn plausible_sizes(length_unit: Option<&str>) -> CategoryPriors {
+pub(crate) fn plausible_sizes(length_unit: Option<&str>) -> CategoryPriors {
     if length_unit == Some("m") { builtin_priors() } else { CategoryPriors::default() }
 }
 

@@ -10,7 +10,7 @@ use super::record_correction::RecordCorrection;
 use super::rounding::{UNITS, nearest_unit, usual_width};
 
 /// The values of `poses`: what the poses of the file are.
-pub const POSES: [(&str, Correction); 13] = [
+pub(crate) const POSES: [(&str, Correction); 13] = [
     ("world-from-camera", Correction::InvertPoses),
     ("opengl", Correction::OpenGlAxes),
     ("opengl-world-from-camera", Correction::InvertOpenGlPoses),

@@ -273,7 +273,7 @@ impl<S: Source> McapLog<S> {
 }
 
 /// A problem where none is accepted.
-pub fn strict_error(path: &Path, problem: &Problem) -> ReadError {
+pub(crate) fn strict_error(path: &Path, problem: &Problem) -> ReadError {
     let error = ReadError::new(
         path,
         match &problem.topic {
@@ -305,7 +305,7 @@ fn kind_in_words(kind: Kind) -> &'static str {
 ///
 /// # Errors
 /// As [`McapLog::open`], and if the scene is not valid.
-pub fn read_mcap(path: &Path, options: McapOptions) -> Result<Import, ReadError> {
+pub(crate) fn read_mcap(path: &Path, options: McapOptions) -> Result<Import, ReadError> {
     to_scene(path, McapLog::open(path, options)?)
 }
 

@@ -209,7 +209,7 @@ fn parse_binary(
     for _ in 0..bytes.u64("the number of cameras")? {
         let id = bytes.u32("a camera id")?;
         let number = bytes.i32("the number of a camera model")?;
-        let Some(kind) = CameraModel::from_id(number) else {
+        let Some(kind) = usize::try_from(number).ok().and_then(|number| CameraModel::all().nth(number)) else {
             return Err(bytes.error(format!("the camera model before this has the number {number}; expected 0 to 17")));
         };
         let size = [bytes.u64("an image width")? as f64, bytes.u64("an image height")? as f64];

@@ -7,7 +7,7 @@ use super::log_shape::{coordinates, rotation_of_coordinates};
 use super::prepared::{PreparedMaps, PreparedObject};
 use crate::geometry::linalg::cholesky;
 use crate::geometry::{Similarity, skew};
-use crate::optimize::levenberg_marquardt::{Damping, Equations, Minimum, NEAR_MINIMUM, Problem, minimize};
+use crate::optimize::levenberg_marquardt::{Equations, Minimum, Problem, minimize};
 use crate::optimize::student_t::StudentT;
 
 /// Degrees of freedom of the Student t distributions of centers and of shapes: covariances of estimates may be too small.
@@ -143,8 +143,6 @@ struct Matched<'a> {
 impl Problem for Matched<'_> {
     type State = Similarity;
     type Equations = Equations<7>;
-    type Step = Vector7;
-    const DAMPING: Damping = NEAR_MINIMUM;
 
     fn linearize(&self, a_from_b: &Similarity) -> Option<Equations<7>> {
         let maps = self.maps;
@@ -184,14 +182,6 @@ impl Problem for Matched<'_> {
             all.gradient[6] = 0.0;
         }
         all.cost.is_finite().then_some(all)
-    }
-
-    fn cost(equations: &Equations<7>) -> f64 {
-        equations.cost
-    }
-
-    fn step(&self, equations: &Equations<7>, damping: f64) -> Option<Vector7> {
-        equations.step(damping)
     }
 
     fn retract(&self, a_from_b: &Similarity, step: &Vector7) -> Option<Similarity> {

@@ -4,7 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Matrix3xX, Vector3};
 
 use super::predicted::across;
 use super::problem::{Problem, Row, SHARED, STUDENT_T, State, Unknown};
-use crate::optimize::levenberg_marquardt::{self, Damping};
+use crate::optimize::levenberg_marquardt::{self, Damping, Quadratic};
 use crate::parallel::map_indices;
 
 /// Decrease of the cost, relative and absolute, below which the search has ended.
@@ -211,6 +211,28 @@ pub(super) struct Adjusted {
     pub cost: f64,
 }
 
+/// Changes of the shared unknowns, and of the places of the bodies.
+type Moves = (DVector<f64>, Vec<Vector3<f64>>);
+
+impl Quadratic for Equations {
+    type Step = Moves;
+
+    fn cost(&self) -> f64 {
+        self.cost
+    }
+
+    fn step(&self, damping: f64) -> Option<Moves> {
+        let (cholesky, right, inverses) = reduced(self, damping)?;
+        let step = -cholesky.solve(&right);
+        let of_site = |(site, inverse): (&SiteEquations, &Matrix3<f64>)| {
+            let shared = DVector::from_iterator(site.indices.len(), site.indices.iter().map(|&k| step[k]));
+            -(inverse * (site.gradient + &site.mixed * shared))
+        };
+        let places = self.sites.iter().zip(&inverses).map(of_site).collect();
+        Some((step, places))
+    }
+}
+
 /// A problem with the places of its unknowns.
 struct LaidOut<'a> {
     problem: &'a Problem,
@@ -220,34 +242,17 @@ struct LaidOut<'a> {
 impl levenberg_marquardt::Problem for LaidOut<'_> {
     type State = State;
     type Equations = Equations;
-    /// Changes of the shared unknowns, and of the places of the bodies.
-    type Step = (DVector<f64>, Vec<Vector3<f64>>);
     const DAMPING: Damping = Damping { first: 1e-4, taken: 0.2, failed: 25.0, max: 1e8 };
 
     fn linearize(&self, state: &State) -> Option<Equations> {
         equations(self.problem, &self.layout, state)
     }
 
-    fn cost(equations: &Equations) -> f64 {
-        equations.cost
-    }
-
-    fn step(&self, equations: &Equations, damping: f64) -> Option<Self::Step> {
-        let (cholesky, right, inverses) = reduced(equations, damping)?;
-        let step = -cholesky.solve(&right);
-        let of_site = |(site, inverse): (&SiteEquations, &Matrix3<f64>)| {
-            let shared = DVector::from_iterator(site.indices.len(), site.indices.iter().map(|&k| step[k]));
-            -(inverse * (site.gradient + &site.mixed * shared))
-        };
-        let places = equations.sites.iter().zip(&inverses).map(of_site).collect();
-        Some((step, places))
-    }
-
-    fn retract(&self, state: &State, (step, places): &Self::Step) -> Option<State> {
+    fn retract(&self, state: &State, (step, places): &Moves) -> Option<State> {
         Some(moved(self.problem, &self.layout, state, step, places))
     }
 
-    fn is_last(&self, _: &Self::Step, _: &State, before: f64, cost: f64) -> bool {
+    fn is_last(&self, _: &Moves, _: &State, before: f64, cost: f64) -> bool {
         before - cost < SMALL_DECREASE * (1.0 + cost)
     }
 }

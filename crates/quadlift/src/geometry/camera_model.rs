@@ -61,7 +61,7 @@ const TABLE: [(CameraModel, &str, &[&str]); 18] = [
 pub(super) const MAX_PARAMETERS: usize = 16;
 
 impl CameraModel {
-    /// All models, in the order of their numbers.
+    /// All models, in the order of their numbers in COLMAP's binary files, from 0.
     pub fn all() -> impl ExactSizeIterator<Item = Self> + Clone {
         TABLE.iter().map(|row| row.0)
     }
@@ -69,11 +69,6 @@ impl CameraModel {
     /// The model with a name, such as `OPENCV`; `None` when there is none.
     pub fn from_name(name: &str) -> Option<Self> {
         TABLE.iter().find(|row| row.1 == name).map(|row| row.0)
-    }
-
-    /// The model with a number in COLMAP's binary files; `None` when there is none.
-    pub fn from_id(id: i32) -> Option<Self> {
-        TABLE.get(usize::try_from(id).ok()?).map(|row| row.0)
     }
 
     /// The name in COLMAP's files.
@@ -115,11 +110,10 @@ mod tests {
     fn the_table_is_in_the_order_of_the_numbers() {
         for (index, model) in CameraModel::all().enumerate() {
             assert_eq!(model as usize, index);
-            assert_eq!(CameraModel::from_id(index as i32), Some(model));
             assert_eq!(CameraModel::from_name(model.name()), Some(model));
             assert!(model.parameter_names().len() <= MAX_PARAMETERS);
         }
-        assert!(CameraModel::from_id(-1).is_none() && CameraModel::from_id(18).is_none());
+        assert_eq!(CameraModel::all().len(), 18);
         assert!(CameraModel::from_name("pinhole").is_none());
     }
 }

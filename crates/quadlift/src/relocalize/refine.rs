@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
 use super::prepared::{MeasuredBox, PreparedQuery};
 use crate::geometry::rigid::Pose;
 use crate::geometry::{VECH3, box_of_outline, skew};
-use crate::optimize::levenberg_marquardt::{Damping, Equations, NEAR_MINIMUM, Problem, minimize};
+use crate::optimize::levenberg_marquardt::{Equations, Problem, minimize};
 use crate::optimize::student_t::StudentT;
 
 /// Degrees of freedom of an edge's Student t distribution, as of `posterior`.
@@ -245,19 +245,9 @@ struct Matched<'a> {
 impl Problem for Matched<'_> {
     type State = Pose;
     type Equations = Equations<6>;
-    type Step = Vector6<f64>;
-    const DAMPING: Damping = NEAR_MINIMUM;
 
     fn linearize(&self, pose: &Pose) -> Option<Equations<6>> {
         equations(self.query, pose, self.matches)
-    }
-
-    fn cost(equations: &Equations<6>) -> f64 {
-        equations.cost
-    }
-
-    fn step(&self, equations: &Equations<6>, damping: f64) -> Option<Vector6<f64>> {
-        equations.step(damping)
     }
 
     fn retract(&self, pose: &Pose, step: &Vector6<f64>) -> Option<Pose> {

@@ -45,10 +45,3 @@ pub enum ScaledQuantity {
         axis: usize,
     },
 }
-
-impl CueScale {
-    /// What the source measures on average where the true length is this one (world units), in its own lengths.
-    pub fn expected(&self, true_length: f64) -> f64 {
-        self.factor * true_length + self.shift.map_or(0.0, |shift| shift.value)
-    }
-}

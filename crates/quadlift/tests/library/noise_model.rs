@@ -24,7 +24,7 @@ fn run(scene: &Scene, body: Option<BodyKind>, noise_model: Option<&NoiseModel>) 
 }
 
 fn noise_model_of(localization: &Localization) -> NoiseModel {
-    NoiseModel::new(localization.noise.levels()).unwrap()
+    localization.noise.clone()
 }
 
 /// The scene with some of its objects only, which have other indices there.

@@ -34,7 +34,7 @@ pub use matching::MatchBy;
 pub(crate) use matching::numbers_of_frames;
 
 /// The formats of detections, in the order of recognition.
-pub const DETECTIONS: &[DetectionFormat] = &[
+pub(crate) const DETECTIONS: &[DetectionFormat] = &[
     mot::FORMAT,
     yolo::FORMAT,
     kitti_labels::FORMAT,

@@ -13,7 +13,7 @@ use nalgebra::{Const, Point3, QR, SMatrix, SVector};
 use super::arrowhead::{Arrowhead, PIXEL_ROUNDING};
 use super::pfd::{ClosedFormError, pixel_system};
 use crate::geometry::{DualQuadric, Ellipse, Projection, VECH4};
-use crate::optimize::levenberg_marquardt::{self, Damping, minimize};
+use crate::optimize::levenberg_marquardt::{self, Damping, Quadratic, minimize};
 use crate::solve::options::RegOptions;
 use crate::solve::triangulate::{object_radius, triangulate};
 
@@ -176,10 +176,21 @@ struct Linearized {
     cost: f64,
 }
 
+impl Quadratic for Linearized {
+    type Step = Sphere;
+
+    fn cost(&self) -> f64 {
+        self.cost
+    }
+
+    fn step(&self, damping: f64) -> Option<Sphere> {
+        Some(damped_step(&self.jacobian, &self.residuals, damping)?.component_mul(&self.units))
+    }
+}
+
 impl levenberg_marquardt::Problem for Problem {
     type State = Sphere;
     type Equations = Linearized;
-    type Step = Sphere;
     const DAMPING: Damping = Damping { first: 1e-3, taken: 0.2, failed: 6.0, max: 1e12 };
 
     fn linearize(&self, x: &Sphere) -> Option<Linearized> {
@@ -190,14 +201,6 @@ impl levenberg_marquardt::Problem for Problem {
             jacobian.column_mut(k).scale_mut(units[k]);
         }
         Some(Linearized { residuals, jacobian, units, cost: residuals.norm_squared() })
-    }
-
-    fn cost(equations: &Linearized) -> f64 {
-        equations.cost
-    }
-
-    fn step(&self, equations: &Linearized, damping: f64) -> Option<Sphere> {
-        Some(damped_step(&equations.jacobian, &equations.residuals, damping)?.component_mul(&equations.units))
     }
 
     fn retract(&self, x: &Sphere, step: &Sphere) -> Option<Sphere> {

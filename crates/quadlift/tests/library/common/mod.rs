@@ -3,9 +3,7 @@
 #![allow(dead_code, clippy::unwrap_used)]
 
 use nalgebra::{DMatrix, Matrix3, Matrix3x4, Matrix4, Point3, Rotation3, SVector, Vector2, Vector3, Vector6};
-use quadlift::geometry::{
-    CamFromWorld, DualQuadric, Ellipse, Ellipsoid, Intrinsics, Projection, project_ellipsoid, vech3,
-};
+use quadlift::geometry::{CamFromWorld, Ellipse, Ellipsoid, Intrinsics, Projection, project_ellipsoid, vech3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -99,7 +97,22 @@ pub(crate) fn vech4(m: &Matrix4<f64>) -> Vech {
 /// `vech(P Q P^T)` of the quadric with this `vech`.
 pub(crate) fn projected(projection: &Projection, v: &Vech) -> Vector6<f64> {
     let p = projection.matrix();
-    vech3(&(p * DualQuadric::from_vech(v).matrix() * p.transpose()))
+    let mut q = Matrix4::zeros();
+    let lower = (0..4).flat_map(|j| (j..4).map(move |i| (i, j)));
+    for ((i, j), x) in lower.zip(v.iter()) {
+        (q[(i, j)], q[(j, i)]) = (*x, *x);
+    }
+    vech3(&(p * q * p.transpose()))
+}
+
+/// The dual conic of an ellipse, scaled so that its last entry is -1.
+pub(crate) fn dual_conic(ellipse: &Ellipse) -> Matrix3<f64> {
+    let c = ellipse.center();
+    let mut dual = Matrix3::identity() * -1.0;
+    dual.fixed_view_mut::<2, 2>(0, 0).copy_from(&(ellipse.shape() - c * c.transpose()));
+    dual.fixed_view_mut::<2, 1>(0, 2).copy_from(&-c);
+    dual.fixed_view_mut::<1, 2>(2, 0).copy_from(&-c.transpose());
+    dual
 }
 
 /// The paper's dense M (6F x (10 + F)).
@@ -107,7 +120,7 @@ pub(crate) fn dense_system(views: &[(Projection, Ellipse)]) -> DMatrix<f64> {
     let count = views.len();
     let mut m = DMatrix::<f64>::zeros(6 * count, 10 + count);
     for (f, (projection, ellipse)) in views.iter().enumerate() {
-        let c = vech3(&ellipse.dual_conic());
+        let c = vech3(&dual_conic(ellipse));
         for j in 0..10 {
             m.view_mut((6 * f, j), (6, 1)).copy_from(&projected(projection, &Vech::ith(j, 1.0)));
         }
