@@ -1,7 +1,7 @@
 //! Two maps of one place, aligned by their objects ([`quadlift::align`]), in scene files.
 //!
 //! The objects of a result become those of a map ([`SceneFile::to_map_objects`](crate::SceneFile::to_map_objects)); with the transform that was found, the second file
-//! is moved into the frame of the first one ([`SceneFile::move_by`](crate::SceneFile::move_by)) and added to it ([`merge`]).
+//! is moved into the frame of the first one (`SceneFile::move_by`) and added to it ([`merge`]).
 
 mod map_objects;
 mod assumptions;

@@ -27,7 +27,7 @@ fn max_bytes() -> u64 {
 ///
 /// # Errors
 /// [`ReadError`] if the file cannot be read, is not PNG or JPEG, is damaged or truncated, or has more pixels than
-/// [`max_pixels`].
+/// `max_pixels`.
 pub fn read_image(path: &Path) -> Result<RgbImage, ReadError> {
     read_image_of_size(path, &|_| Ok(()))
 }

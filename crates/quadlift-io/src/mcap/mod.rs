@@ -312,7 +312,7 @@ pub(crate) fn read_mcap(path: &Path, options: McapOptions) -> Result<Import, Rea
 /// The scene in the bytes of a log; the path is used in messages.
 ///
 /// # Errors
-/// As [`read_mcap`].
+/// [`ReadError`] if the bytes are no log, and if the scene is not valid.
 pub fn parse_mcap(path: &Path, bytes: Vec<u8>, options: McapOptions) -> Result<Import, ReadError> {
     to_scene(path, McapLog::of(path, bytes, options)?)
 }

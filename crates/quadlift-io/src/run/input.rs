@@ -86,7 +86,7 @@ impl FileInput {
     }
 
     /// The kept views of an object map. Objects are estimated from the means of views that were forgotten
-    /// ([`StreamedScene::to_averaged_file`]); the file shows the boxes themselves.
+    /// (`StreamedScene::to_averaged_file`); the file shows the boxes themselves.
     ///
     /// # Errors
     /// [`ReadError`] with `path` if the scene of the map is not valid.

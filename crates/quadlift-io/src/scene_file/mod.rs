@@ -3,8 +3,8 @@
 //! [`read_scene_file`] gives a [`SceneFile`] (plain records, as written); [`SceneFile::to_scene`] and
 //! [`SceneFile::to_objects`] check it and give the library's types; [`estimates_to_objects`],
 //! [`SceneFile::with_results`] and [`write_scene_file`] go the other way. [`SceneFile::to_images`] finds the images of
-//! the frames and the masks of the detections, [`SceneFile::add_support_lines`] the lines that bound the masks,
-//! [`SceneFile::add_depths`] the depths of detections in depth images, [`SceneFile::add_depths_of_points`] those of points.
+//! the frames and the masks of the detections, `SceneFile::add_support_lines` the lines that bound the masks,
+//! `SceneFile::add_depths` the depths of detections in depth images, [`SceneFile::add_depths_of_points`] those of points.
 
 mod cue_records;
 mod expected;

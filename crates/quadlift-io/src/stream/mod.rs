@@ -1,8 +1,7 @@
 //! Frames as JSON Lines in, events as JSON Lines out: what `quadlift stream` reads and writes
 //! (docs/formats/stream.md, docs/formats/stream.schema.json).
 //!
-//! [`LineReader`] gives the lines of a file or of the standard input, [`parse_line`] one line as records, which
-//! [`StreamedScene`] checks and converts to frames of [`quadlift::online`]. [`StreamedScene::to_file`] makes a scene file
+//! [`parse_line`] gives one line as records, which [`StreamedScene`] checks and converts to frames of [`quadlift::online`]. [`StreamedScene::to_file`] makes a scene file
 //! of the map, [`StreamState`] holds what that file cannot. [`OutputLine`] is a line of the output.
 
 mod input;

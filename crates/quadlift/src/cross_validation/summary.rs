@@ -18,7 +18,7 @@ pub struct CrossValidation {
 /// Predictions of left-out views of an object, summarized.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ObjectCrossValidation {
-    /// Index of its estimate in [`crate::Localization::estimates`].
+    /// Index of its estimate in [`crate::solve::SceneSolution::estimates`].
     pub estimate_index: usize,
     /// The predictions, in the order of the object's views.
     pub predictions: Vec<Prediction>,
@@ -48,7 +48,7 @@ impl ObjectCrossValidation {
         self.predictions.iter().find(|prediction| prediction.frame_index == frame_index)
     }
 
-    /// Median of the errors of the predicted edges ([`Prediction::edge_errors`]), without their signs.
+    /// Median of the errors of the predicted edges (`Prediction::edge_errors`), without their signs.
     pub fn edge_error(&self) -> Option<f64> {
         median_edge_error(self.predictions.iter())
     }
@@ -70,7 +70,7 @@ impl CrossValidation {
         }
     }
 
-    /// Median of the errors of the predicted edges ([`Prediction::edge_errors`]), without their signs.
+    /// Median of the errors of the predicted edges (`Prediction::edge_errors`), without their signs.
     pub fn edge_error(&self) -> Option<f64> {
         median_edge_error(self.predictions())
     }

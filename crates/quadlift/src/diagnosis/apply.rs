@@ -30,7 +30,7 @@ impl Correction {
 }
 
 impl Mistake {
-    /// The scene as the mistake writes it; see [`Correction::apply`].
+    /// The scene as the mistake writes it; see `Correction::apply`.
     pub fn apply(&self, scene: &Scene) -> Scene {
         let mut mistaken = rewrite(
             scene,

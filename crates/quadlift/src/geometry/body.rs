@@ -28,7 +28,7 @@ impl Body {
     }
 
     /// The ellipsoid that stands for the body: itself, or the one that reaches about as far in all directions, see
-    /// [`ellipsoid_of_same_reach`].
+    /// `ellipsoid_of_same_reach`.
     pub fn ellipsoid(&self) -> Ellipsoid {
         if self.kind == BodyKind::Ellipsoid { self.inscribed() } else { ellipsoid_of_same_reach(self, &self.rotation) }
     }

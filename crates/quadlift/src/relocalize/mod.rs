@@ -243,7 +243,7 @@ impl Landmark {
 }
 
 impl LocateOptions {
-    /// The noise of boxes as it was estimated with a map ([`crate::Localization::noise`]), where it was. Errors that the views of an object
+    /// The noise of boxes as it was estimated with a map ([`crate::solve::SceneSolution::noise`]), where it was. Errors that the views of an object
     /// have in common are in the covariances of the landmarks.
     pub fn with_noise(noise: &NoiseModel) -> Self {
         let Some(edge_noise) = noise.get("edge_noise") else { return Self::default() };

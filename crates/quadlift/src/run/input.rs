@@ -9,7 +9,7 @@ use crate::scene::Scene;
 
 /// A scene that can be corrected, and whose masks, depth images and points can be read.
 ///
-/// A [`Scene`] is an input: it is corrected by [`Correction::apply`], and everything in it is measured already.
+/// A [`Scene`] is an input: it is corrected by `Correction::apply`, and everything in it is measured already.
 pub trait Input {
     /// Why the input cannot be corrected or read.
     type Error: std::error::Error;

@@ -50,7 +50,7 @@ pub struct View {
     pub occluded_edges: [bool; 4],
     /// Which edges of the box, or of the box around the ellipse (left, top, right, bottom), lie so close to the image
     /// border that the object is cut off there: they only bound its extent from below. Decided once, for the fit and
-    /// its report ([`View::with_cut_off_edges`]).
+    /// its report (`View::with_cut_off_edges`).
     pub cut_off: [bool; 4],
     /// Depth and 3D box, if known.
     pub cues: Cues,

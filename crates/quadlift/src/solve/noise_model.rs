@@ -63,7 +63,7 @@ pub(super) const SPREAD_NAMES: [&str; 2] = ["residual_level", "residual_spread"]
 /// Pose noise in results, which is not noise of detections: root mean square corrections, and frames over which errors last.
 pub(crate) const POSE_NOISE_NAMES: [&str; 3] = ["pose_rotation", "pose_translation", "pose_correlation_length"];
 
-/// Noise levels by the names under which [`crate::Localization::noise`] reports them: standard deviations relative to
+/// Noise levels by the names under which [`crate::solve::SceneSolution::noise`] reports them: standard deviations relative to
 /// the half size of a detection (`edge_noise_px`: in pixels; `ellipse_angle`: radians times half the logarithm of the axis
 /// ratio), correlations between neighboring views, the errors common to the views of an object (`edge_common` and
 /// others: in units of the noise), and differences between objects (`residual_level`, `residual_spread`). The last two
@@ -147,7 +147,7 @@ impl NoiseModel {
         self.0.get(name).copied()
     }
 
-    /// The given levels, in the order of [`NOISE_NAMES`].
+    /// The given levels, in the order of `NOISE_NAMES`.
     pub fn levels(&self) -> impl Iterator<Item = (&'static str, f64)> {
         NOISE_NAMES.into_iter().filter_map(|name| Some((name, self.get(name)?)))
     }

@@ -128,7 +128,7 @@ impl Camera {
 
     /// The pixel of the pinhole camera (see [`Camera::pinhole`]) that sees what this pixel of the image sees.
     ///
-    /// `None` when the ray is more than [`WIDEST_ANGLE_DEG`] from the axis, or when the model maps no ray there: beyond
+    /// `None` when the ray is more than `WIDEST_ANGLE_DEG` from the axis, or when the model maps no ray there: beyond
     /// the radius at which a polynomial turns back, an inverse would be a wrong one.
     pub fn undistort_point(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
         if self.is_pinhole() {
