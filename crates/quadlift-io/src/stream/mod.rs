@@ -1,8 +1,9 @@
 //! Frames as JSON Lines in, events as JSON Lines out: what `quadlift stream` reads and writes
 //! (docs/formats/stream.md, docs/formats/stream.schema.json).
 //!
-//! [`parse_line`] gives one line as records, which [`StreamedScene`] checks and converts to frames of [`quadlift::online`]. [`StreamedScene::to_file`] makes a scene file
-//! of the map, [`StreamState`] holds what that file cannot. [`OutputLine`] is a line of the output.
+//! [`parse_line`] gives one line as records, which [`StreamedScene`] checks and converts to frames of [`quadlift::online`].
+//! [`StreamedScene::to_file`] makes a scene file of the map, [`StreamState`] holds what that file cannot. [`OutputLine`] is a line of the
+//! output.
 
 mod input;
 mod line;
