@@ -24,7 +24,7 @@ class RunOptions(TypedDict, total=False):
     """Use only the detections of this source; required if the scene has several."""
     measurement: Literal["auto", "box", "ellipse", "box+ellipse", "mask"]
     """Measurements to use: auto (what a detection has; if both, the box for position and size, the ellipse for
-    shape), box, ellipse, box+ellipse, or mask (its outline, with posterior and planes; also outlines and turned
+    shape), box, ellipse, box+ellipse, or mask (its outline, with posterior and planes; also outlines and oriented
     boxes). Detections without the selected measurement are skipped. Default: "auto"."""
     associate: Literal["auto", "never", "always"]
     """Associate detections that show the same object first: auto (if any lack an id), never or always. Default:
