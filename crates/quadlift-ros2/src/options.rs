@@ -6,10 +6,10 @@ use quadlift::online::OnlineOptions;
 use quadlift::run::{AssociateWhen, RunOptions};
 use quadlift::solve::PoseNoise;
 use quadlift_io::mcap::LiveOptions;
+use quadlift_io::options::{MAP, RUN, Spelling, set_options};
 use quadlift_io::read::PixelCenters;
 use quadlift_io::run::{FileOptions, PriorSource};
 use quadlift_io::stream::{StoredPriors, lasting_options};
-use quadlift_io::options::{MAP, RUN, Spelling, set_options};
 use serde_json::{Map, Value, json};
 
 use crate::arguments::Arguments;

@@ -1,8 +1,7 @@
 //! The parameters of the node: names, defaults and types.
 
-use quadlift_io::options::{MAP, RUN, Command, Kind, Spec, Value as Choice};
+use quadlift_io::options::{Command, Kind, MAP, RUN, Spec, Value as Choice};
 use std::collections::BTreeMap;
-
 
 /// A value of a parameter.
 #[derive(Debug, Clone, PartialEq)]
