@@ -3,23 +3,10 @@
 use quadlift::association::{AssociateOptions, IdPolicy};
 
 use super::Command::{Associate, Python};
-use super::{Group, Kind, Range, Spec, Value};
+use super::{Group, Kind, Range, Spec};
 
 /// A row with what all have.
-const ROW: Spec<AssociateOptions> = Spec {
-    name: "",
-    kind: Kind::Flag,
-    placeholder: "",
-    short: "",
-    help: "",
-    group: Group::Input,
-    of: &[Associate, Python],
-    only: None,
-    needs: None,
-    whole_scene: true,
-    get: |_| Value::Unset,
-    set: |_, _| Ok(()),
-};
+const ROW: Spec<AssociateOptions> = Spec { group: Group::Input, of: &[Associate, Python], ..Spec::ROW };
 
 /// The options of an association.
 pub const ASSOCIATION: &[Spec<AssociateOptions>] = &[
@@ -123,7 +110,7 @@ pub const ASSOCIATION: &[Spec<AssociateOptions>] = &[
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::{Spelling, set_options};
+    use crate::options::{Spelling, Value, set_options};
 
     #[test]
     fn every_row_is_set_and_read_back() {

@@ -4,23 +4,10 @@ use quadlift::association::IdPolicy;
 use quadlift::online::OnlineOptions;
 
 use super::Command::{Node, Python, Stream};
-use super::{Group, Kind, Range, Spec, Value};
+use super::{Group, Kind, Range, Spec};
 
 /// A row with what all have.
-const ROW: Spec<OnlineOptions> = Spec {
-    name: "",
-    kind: Kind::Flag,
-    placeholder: "",
-    short: "",
-    help: "",
-    group: Group::Model,
-    of: &[Stream, Python, Node],
-    only: None,
-    needs: None,
-    whole_scene: true,
-    get: |_| Value::Unset,
-    set: |_, _| Ok(()),
-};
+const ROW: Spec<OnlineOptions> = Spec { group: Group::Model, of: &[Stream, Python, Node], ..Spec::ROW };
 
 /// The options of an object map that a user can choose; priors are read from files.
 pub const MAP: &[Spec<OnlineOptions>] = &[
@@ -114,7 +101,7 @@ pub const MAP: &[Spec<OnlineOptions>] = &[
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::{Spelling, set_options};
+    use crate::options::{Spelling, Value, set_options};
 
     #[test]
     fn every_row_is_set_and_read_back() {

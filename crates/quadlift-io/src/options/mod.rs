@@ -373,6 +373,24 @@ impl Spelling {
     }
 }
 
+impl<O> Spec<O> {
+    /// What most rows have: a flag of whole scenes, of no command and without texts.
+    pub(crate) const ROW: Self = Self {
+        name: "",
+        kind: Kind::Flag,
+        placeholder: "",
+        short: "",
+        help: "",
+        group: Group::Model,
+        of: &[],
+        only: None,
+        needs: None,
+        whole_scene: true,
+        get: |_| Value::Unset,
+        set: |_, _| Ok(()),
+    };
+}
+
 impl<O: Default> Spec<O> {
     /// The value that the option has if it is not given.
     pub fn default(&self) -> Value {

@@ -14,20 +14,7 @@ const MAPS: &[Command] = &[Localize, Python, Stream, Node];
 const OF_POSTERIOR: Option<(&str, &str)> = Some(("method", "posterior"));
 
 /// A row with what most have.
-const ROW: Spec<RunOptions> = Spec {
-    name: "",
-    kind: Kind::Flag,
-    placeholder: "",
-    short: "",
-    help: "",
-    group: Group::Model,
-    of: LOCALIZE,
-    only: None,
-    needs: None,
-    whole_scene: true,
-    get: |_| Value::Unset,
-    set: |_, _| Ok(()),
-};
+const ROW: Spec<RunOptions> = Spec { group: Group::Model, of: LOCALIZE, ..Spec::ROW };
 
 /// The options of a run, in the order in which they are set and shown: the method comes before its options.
 pub const RUN: &[Spec<RunOptions>] = &[

@@ -5,20 +5,7 @@ use crate::options::Command::{Python, Segment};
 use crate::options::{Group, Kind, Spec, Value};
 
 /// A row with what all have.
-const ROW: Spec<Settings> = Spec {
-    name: "",
-    kind: Kind::Text,
-    placeholder: "",
-    short: "",
-    help: "",
-    group: Group::Input,
-    of: &[Segment, Python],
-    only: None,
-    needs: None,
-    whole_scene: true,
-    get: |_| Value::Unset,
-    set: |_, _| Ok(()),
-};
+const ROW: Spec<Settings> = Spec { kind: Kind::Text, group: Group::Input, of: &[Segment, Python], ..Spec::ROW };
 
 /// The options of a segmentation.
 pub const SEGMENTATION: &[Spec<Settings>] = &[

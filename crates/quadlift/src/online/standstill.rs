@@ -28,8 +28,8 @@ use crate::association::places::{MAX_MOTION_PX, MAX_ROUNDING, MIN_OVERLAP, turn_
 use crate::association::score::scene_statistics::SceneStatistics;
 use crate::association::statistics::median;
 use crate::geometry::BoundingBox;
+use crate::optimize::matching::{Pair, greedy_pairs};
 use crate::scene::NewDetection;
-use crate::sorting::StableSort;
 
 /// Errors alone leave the larger mean square of both axes below this in three of five boxes, and the median of many boxes at 1.23.
 const MAX_AXIS_CHI2: f64 = 1.47;
@@ -82,23 +82,16 @@ fn is_still(
         return false;
     }
     let mut pairs = Vec::new();
-    for (place, RecentBox { view, .. }) in before.boxes.iter().enumerate() {
+    for (row, RecentBox { view, .. }) in before.boxes.iter().enumerate() {
         let Some(known) = view.box_in_image() else { continue };
-        for (index, (_, new)) in boxes.iter().enumerate().filter(|(_, (category, _))| *category == view.category) {
-            pairs.push((known.iou(new), place, index));
+        for (column, (_, new)) in boxes.iter().enumerate().filter(|(_, (category, _))| *category == view.category) {
+            pairs.push(Pair { row: row as u32, column: column as u32, gain: known.iou(new) });
         }
     }
-    pairs.retain(|(overlap, ..)| *overlap >= MIN_OVERLAP);
-    pairs.stable_sort_by(|a, b| b.0.total_cmp(&a.0));
-    let (mut is_used, mut is_found) = (vec![false; before.boxes.len()], vec![false; boxes.len()]);
-    let mut motions = Vec::new();
-    for (_, place, index) in pairs {
-        if is_used[place] || is_found[index] {
-            continue;
-        }
-        (is_used[place], is_found[index]) = (true, true);
-        motions.extend(axis_chi2(statistics, &before.boxes[place].view, &boxes[index].1));
-    }
+    pairs.retain(|pair| pair.gain >= MIN_OVERLAP);
+    let motion =
+        |pair: Pair| axis_chi2(statistics, &before.boxes[pair.row as usize].view, &boxes[pair.column as usize].1);
+    let mut motions: Vec<f64> = greedy_pairs(&pairs).into_iter().filter_map(|k| motion(pairs[k])).collect();
     // Most move by no more than is expected of errors alone.
     2 * motions.len() >= before.boxes.len().min(boxes.len())
         && median(&mut motions).is_some_and(|chi2| chi2 <= MAX_AXIS_CHI2)
@@ -213,25 +206,19 @@ fn repeat_view(memory: &mut Memory, slot: u32, recent: usize, current: &Current,
 
 /// The objects of boxes that overlap one from there, the best overlaps first: slots, boxes, and which edges were hidden.
 fn seen_before(objects: &Objects, frame: &RecentFrame, current: &Current) -> Vec<(u32, u32, u8)> {
-    let mut pairs = Vec::new();
-    for (place, known) in frame.boxes.iter().enumerate() {
+    let (mut pairs, mut hidden) = (Vec::new(), Vec::new());
+    for known in &frame.boxes {
         let slot = known.owner.and_then(|id| objects.slot_of(objects.resolve(id)));
         let Some(slot) = slot else { continue };
         for (index, view) in current.views.iter().enumerate().filter(|(_, v)| v.category == known.view.category) {
             let shared = overlap(&known.view, view);
             if shared >= MIN_OVERLAP {
-                pairs.push((shared, place, index as u32, slot, known.view.hidden));
+                pairs.push(Pair { row: slot, column: index as u32, gain: shared });
+                hidden.push(known.view.hidden);
             }
         }
     }
-    pairs.stable_sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-    let mut found: Vec<(u32, u32, u8)> = Vec::new();
-    for (_, _, index, slot, hidden) in pairs {
-        if !found.iter().any(|&(known, other, _)| known == slot || other == index) {
-            found.push((slot, index, hidden));
-        }
-    }
-    found
+    greedy_pairs(&pairs).into_iter().map(|k| (pairs[k].row, pairs[k].column, hidden[k])).collect()
 }
 
 /// A box without an object: a copy of one from there, or another one.
