@@ -123,6 +123,14 @@ def _numbers_of(rows: Any, name: str) -> NDArray[np.float64] | None:
     return numbers(values(rows, name), name) if is_given(rows, name) else None
 
 
+def _side_by_side(rows: Any, names: tuple[str, ...]) -> NDArray[np.float64] | None:
+    """Columns of numbers, NaN for a missing one; None without any."""
+    columns = [_numbers_of(rows, name) for name in names]
+    if all(column is None for column in columns):
+        return None
+    return np.column_stack([np.full(len(rows), np.nan) if column is None else column for column in columns])
+
+
 def _names_of(rows: Any, name: str) -> Names:
     """Texts as indices into a sorted list of them."""
     if not is_given(rows, name):
@@ -172,9 +180,6 @@ def _cues(rows: Any) -> CueArrays | None:
         wrong = lengths[(lengths != width) & (lengths > 0)]
         if len(wrong):
             raise QuadliftError(f"box3d_{name} has a list of {wrong[0]} numbers; expected lists of {width} numbers")
-    deviations = [_numbers_of(rows, f"box3d_sd_{name}") for name in DEVIATIONS]
-    none = np.full(len(rows), np.nan)
-    sd = np.column_stack([none if found is None else found for found in deviations])
     return {
         "depth": _numbers_of(rows, "depth_median"),
         "depth_sd": _numbers_of(rows, "depth_sd"),
@@ -183,7 +188,7 @@ def _cues(rows: Any) -> CueArrays | None:
         "half_extents": of_box["half_extents"],
         "rotation": of_box["rotation"],
         "frame": _names_of(rows, "box3d_frame"),
-        "sd": None if all(found is None for found in deviations) else sd,
+        "sd": _side_by_side(rows, tuple(f"box3d_sd_{name}" for name in DEVIATIONS)),
         "covariance": of_box["covariance"],
         "source": _names_of(rows, "box3d_source"),
     }
@@ -263,17 +268,16 @@ class Cameras:
     def frames(self, indices: NDArray[np.int64]) -> FrameArrays:
         """Frames for the core."""
         found: FrameArrays = {"frame_ids": [str(k) for k in range(len(indices))]}
-        for name, rows in self._numbers.items():
-            if name == "intrinsics":
-                matrices = np.tile(np.eye(3), (len(indices), 1, 1))
-                matrices[:, [0, 1, 0, 1], [0, 1, 2, 2]] = rows[indices]
-                found["intrinsics"] = matrices
-            elif name == "size":
-                found["image_sizes"] = rows[indices]
-            elif name == "projection":
-                found["projections"] = rows[indices].reshape(-1, 3, 4)
-            else:
-                found["cam_from_world"] = rows[indices].reshape(-1, 3, 4)
+        rows = {name: of_all[indices] for name, of_all in self._numbers.items()}
+        if "size" in rows:
+            found["image_sizes"] = rows["size"]
+        if "projection" in rows:
+            found["projections"] = rows["projection"].reshape(-1, 3, 4)
+        else:
+            found["cam_from_world"] = rows["cam_from_world"].reshape(-1, 3, 4)
+            matrices = np.tile(np.eye(3), (len(indices), 1, 1))
+            matrices[:, [0, 1, 0, 1], [0, 1, 2, 2]] = rows["intrinsics"]
+            found["intrinsics"] = matrices
         return found
 
 
@@ -287,12 +291,8 @@ def _camera_numbers(rows: Any, problems: dict[int, str]) -> dict[str, NDArray[np
         found[name], lengths = vectors(rows, name, CAMERA[name])
         for row in np.flatnonzero(lengths != CAMERA[name]):
             problems.setdefault(int(row), f"{name} does not have {CAMERA[name]} numbers")
-    sides = [_numbers_of(rows, name) for name in ("width", "height")]
-    if all(side is None for side in sides):
-        return found
-    none = np.full(len(rows), np.nan)
-    size = np.column_stack([none if side is None else side for side in sides])
-    if not np.isnan(size).all():
+    size = _side_by_side(rows, ("width", "height"))
+    if size is not None and not np.isnan(size).all():
         found["size"] = size
         for row in np.flatnonzero(~(np.isfinite(size) & (size > 0.0)).all(axis=1)):
             problems.setdefault(int(row), "width and height are not positive numbers")

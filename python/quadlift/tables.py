@@ -185,6 +185,8 @@ class _Run:
 
     keywords: dict[str, Any]
     world: FrameArrays
+    columns: Any
+    """The schema of `Estimates.to_arrow`."""
 
     @classmethod
     def of(cls, given: Mapping[str, Any], known: frozenset[str], up: Any, length_unit: Any) -> _Run:
@@ -213,11 +215,11 @@ class _Run:
             "up": _checks.optional(_checks.direction, "up", up),
             "length_unit": _checks.optional(_checks.text, "length_unit", length_unit),
         }
-        run = cls(keywords, world)
         # One valid detection: only the options can be invalid.
-        one = np.zeros(1, dtype=np.int64)
-        run.estimates(_PROBE, {"frames": one, "boxes": np.array([[0.0, 0.0, 1.0, 1.0]]), "objects": (one, ["probe"])})
-        return run
+        one, box = np.zeros(1, dtype=np.int64), np.array([[0.0, 0.0, 1.0, 1.0]])
+        frames: FrameArrays = {"frame_ids": ["0"], "projections": np.eye(3, 4)[np.newaxis]}
+        probe = cls(keywords, world, None).estimates(frames, {"frames": one, "boxes": box, "objects": (one, ["probe"])})
+        return cls(keywords, world, probe.to_arrow().schema)
 
     @property
     def options(self) -> dict[str, Any]:
@@ -245,9 +247,6 @@ class _Run:
         else:
             used = read.cameras.of_scene(read.scenes.slice(groups[0], 1))
         return self.estimates(read.cameras.frames(used), read.arrays(rows, used))
-
-
-_PROBE: FrameArrays = {"frame_ids": ["0"], "projections": np.eye(3, 4)[np.newaxis]}
 
 
 def _may_share_ground(priors: Any) -> bool:
@@ -376,22 +375,11 @@ def _results(read: _Detections, run: _Run) -> Any:
             for group, texts in problems.items()
         ]
     told += [(group, "failed", text) for group, text in failed.items()]
-    blank = pa.Table.from_pylist([{"status": k, "problem": text} for _, k, text in told], schema=_COLUMNS)
+    columns = run.columns.append(pa.field("problem", pa.string()))
+    blank = pa.Table.from_pylist([{"status": k, "problem": text} for _, k, text in told], schema=columns)
     found = pa.concat_tables([blank, *(p.append_column("problem", pa.nulls(len(p), pa.string())) for _, p in pieces)])
     group = np.concatenate([np.array([g for g, _, _ in told], dtype=np.int64), *(groups for groups, _ in pieces)])
     order = pa.array(np.argsort(group, kind="stable"))
     found = found.take(order).combine_chunks()
     given = {name: ids.take(pa.array(group).take(order)) for name, ids in read.ids.items()}
     return pa.table({**given, **{name: found[name] for name in found.column_names if name not in given}})
-
-
-_COLUMNS = pa.schema(
-    [
-        *((name, pa.string()) for name in ("object", "category", "status")),
-        *((name, pa.list_(pa.float64())) for name in ("center", "semi_axes", "quaternion", "enclosing_semi_axes")),
-        *((name, pa.list_(pa.float64())) for name in ("enclosing_center", "enclosing_quaternion", "covariance")),
-        *(("center_sd", pa.float64()), ("views_used", pa.int64()), ("rms_residual_px", pa.float64())),
-        ("problem", pa.string()),
-    ]
-)
-"""The columns of `Estimates.to_arrow`, and one more."""

@@ -5,8 +5,8 @@ use super::options::Part;
 use super::score::evidence::{evidence, score_log_odds};
 use super::score::object::Object;
 use super::search::state::State;
-use super::statistics::median;
 use super::warning::AssociationWarning;
+use crate::optimize::median::quantile;
 
 /// Ratio of the longest to the shortest semi-axis above which an object is uncertain if its category has no statistics.
 const MAX_ASPECT: f64 = 8.0;
@@ -34,7 +34,7 @@ pub(crate) fn doubts(context: &AssociationContext, state: &State) -> Vec<Option<
         .iter()
         .map(|o| evidence(&context.rate, &state.observations, &state.statistics, o) / o.boxes.len().max(1) as f64)
         .collect();
-    let usual_evidence = median(&mut per_view.clone()).unwrap_or(0.0);
+    let usual_evidence = quantile(&mut per_view.clone(), 0.5).unwrap_or(0.0);
     let of_category = |category: usize, feature: fn(&Object) -> f64, least_sd: f64| {
         let members = objects.iter().filter(|o| o.category == category);
         usual(members.map(feature).collect(), least_sd)
@@ -89,9 +89,9 @@ fn usual(mut values: Vec<f64>, least_sd: f64) -> Option<(f64, f64)> {
     if values.len() < MIN_INFORMATIVE_OBJECTS {
         return None;
     }
-    let middle = median(&mut values)?;
+    let middle = quantile(&mut values, 0.5)?;
     let mut deviations: Vec<f64> = values.iter().map(|x| (x - middle).abs()).collect();
-    Some((middle, (1.4826 * median(&mut deviations)?).max(least_sd)))
+    Some((middle, (1.4826 * quantile(&mut deviations, 0.5)?).max(least_sd)))
 }
 
 #[cfg(test)]

@@ -27,10 +27,9 @@ pub(crate) mod score;
 pub(crate) mod search;
 mod implausible;
 mod result;
-pub(crate) mod places;
 
 #[cfg(test)]
-mod test_scenes;
+pub(crate) mod test_scenes;
 #[cfg(test)]
 mod tests;
 
@@ -40,10 +39,10 @@ pub use warning::AssociationWarning;
 
 use crate::observer::{Observer, Unobserved};
 use crate::scene::Scene;
+use crate::scene::places::Places;
 use input::context::AssociationContext;
 use input::observations::Observations;
 use input::preselect;
-use places::Places;
 use search::passes;
 
 /// Divides the detections of a scene into objects.
@@ -66,12 +65,12 @@ pub fn associate_observed(
 ) -> Result<Association, AssociateError> {
     options.validate()?;
     let (detections, skipped) = preselect::select(scene, options)?;
-    let mut association = match Places::of(scene, &detections, options.ids) {
+    let mut association = match Places::of(scene, &detections, options.ids == IdPolicy::Trust) {
         None => associate_selected(scene, &detections, options, observer)?,
         Some(places) => {
             let all: Vec<usize> = (0..places.scene.detections.len()).collect();
             let found = associate_selected(&places.scene, &all, options, observer)?;
-            places.spread(found, scene, detections.len())
+            found.spread(&places, scene, detections.len())
         }
     };
     association.skipped = skipped;

@@ -10,6 +10,7 @@ use super::score::object::Object;
 use super::search::state::State;
 use super::warning::AssociationWarning;
 use crate::geometry::Ellipsoid;
+use crate::scene::places::Places;
 use crate::scene::{Scene, SkippedDetections};
 use crate::sorting::StableSort;
 use nalgebra::Point3;
@@ -109,6 +110,23 @@ impl Association {
             };
         }
         Scene(result)
+    }
+
+    /// That of so many given detections of a scene, from that of its places.
+    pub(crate) fn spread(mut self, places: &Places, scene: &Scene, detections: usize) -> Self {
+        let mut object_of_detection = vec![None; scene.detections.len()];
+        let mut assigned = 0;
+        for (copies, object) in places.copies.iter().zip(&self.object_of_detection) {
+            let Some(object) = *object else { continue };
+            assigned += copies.len();
+            let known = &mut self.objects[object as usize];
+            known.views += copies.len() - 1;
+            known.expected_views += copies.len() - 1;
+            for &copy in copies {
+                object_of_detection[copy] = Some(object);
+            }
+        }
+        Self { object_of_detection, clutter: detections - assigned, ..self }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Quantiles and log densities.
+//! Log densities.
 
 use crate::geometry::gamma::ln_gamma;
 use crate::optimize::student_t::StudentT;
@@ -12,20 +12,6 @@ pub(crate) const EDGE_LIKELIHOOD: StudentT = StudentT::new(STUDENT_T_DOF);
 
 /// `ln 2 pi`.
 pub(crate) const LN_2PI: f64 = 1.8378770664093453;
-
-/// A quantile in [0, 1] with linear interpolation; changes the order of the values. `None` without values.
-pub(crate) fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
-    let place = share * (values.len().checked_sub(1)?) as f64;
-    let below = place.floor() as usize;
-    let (_, &mut low, above) = values.select_nth_unstable_by(below, f64::total_cmp);
-    let high = above.iter().copied().min_by(f64::total_cmp).unwrap_or(low);
-    Some(low + (place - below as f64) * (high - low))
-}
-
-/// The median; changes the order of the values.
-pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
-    quantile(values, 0.5)
-}
 
 /// `ln B(k + 1, n - k + 1)`: the probability of `k` given detections of `n` for a uniform prior on the detection rate.
 #[derive(Debug, Clone)]
@@ -79,16 +65,6 @@ pub(crate) fn t_constant(dimensions: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn quantiles_interpolate() {
-        let mut values = [4.0, 1.0, 3.0, 2.0];
-        assert_eq!(median(&mut values), Some(2.5));
-        assert_eq!(quantile(&mut values, 0.0), Some(1.0));
-        assert_eq!(quantile(&mut values, 1.0), Some(4.0));
-        assert!((quantile(&mut values, 0.1).unwrap() - 1.3).abs() < 1e-12);
-        assert_eq!(median(&mut []), None);
-    }
 
     #[test]
     fn rates_and_constants() {

@@ -5,8 +5,8 @@ use nalgebra::{Point3, Rotation3, Vector3};
 use super::input::observations::Observations;
 use super::score::scene_statistics::SceneStatistics;
 use crate::geometry::{Ellipsoid, project_ellipsoid};
-use crate::scene::{NewDetection, Scene, SceneBuilder};
-use crate::synthetic::{SyntheticOptions, Trajectory, generate};
+use crate::scene::{Detection, Frame, NewDetection, Scene, SceneBuilder};
+use crate::synthetic::{Detector, Noise, SyntheticIds, SyntheticOptions, SyntheticScene, Trajectory, generate};
 
 /// A body somewhere near the middle.
 pub(crate) fn ellipsoid() -> Ellipsoid {
@@ -43,4 +43,36 @@ pub(crate) fn of_frames(
     let unknown_sizes = vec![None; observations.categories.len()];
     let statistics = SceneStatistics::new(&observations, unknown_sizes, 2.0);
     (scene, observations, statistics)
+}
+
+/// Ten objects in six views.
+pub(crate) fn once(ids: SyntheticIds) -> SyntheticScene {
+    let make = SyntheticOptions {
+        objects: 10,
+        views: 6,
+        observations: crate::synthetic::Observations::Boxes,
+        noise: vec![Noise::BoxEdges(0.03)],
+        detector: Detector { misses: 0.0, false_boxes: 0.0, ..Default::default() },
+        ids,
+        ..Default::default()
+    };
+    generate(&make).unwrap()
+}
+
+/// The scene with every frame so many times; the copies of a frame follow it.
+pub(crate) fn repeated(scene: &Scene, times: usize) -> Scene {
+    let mut parts = scene.clone().into_parts();
+    let (frames, detections) = (std::mem::take(&mut parts.frames), std::mem::take(&mut parts.detections));
+    for frame in &frames {
+        for copy in 0..times {
+            parts.frames.push(Frame { id: format!("{} {copy}", frame.id), ..frame.clone() });
+        }
+    }
+    for detection in detections {
+        for copy in 0..times {
+            let frame_index = detection.frame_index * times as u32 + copy as u32;
+            parts.detections.push(Detection { frame_index, ..detection.clone() });
+        }
+    }
+    Scene::from_parts(parts).unwrap()
 }

@@ -8,6 +8,7 @@ use std::ops::ControlFlow;
 use nalgebra::Vector3;
 
 use super::*;
+use crate::association::test_scenes::{once, repeated};
 use crate::geometry::{BoundingBox, Ellipsoid, Projection};
 use crate::metrics::{ClusteringScore, pairwise_clustering_scores, score_found};
 use crate::scene::{NewDetection, SceneBuilder};
@@ -503,5 +504,23 @@ fn parts_are_worth_their_time() {
         };
         let (with, without) = (f1(None), f1(Some(part)));
         assert!(with > without + least, "{part:?}: {with} with it, {without} without");
+    }
+}
+
+#[test]
+fn copies_of_frames_change_nothing_but_the_counts() {
+    for ids in [SyntheticIds::Absent, SyntheticIds::True] {
+        let synthetic = once(ids);
+        let options = AssociateOptions::default();
+        let found = associate(&synthetic.scene, &options).unwrap();
+        let again = associate(&repeated(&synthetic.scene, 10), &options).unwrap();
+        assert_eq!(found.objects.len(), again.objects.len());
+        let copied: Vec<_> = found.object_of_detection.iter().flat_map(|&object| [object; 10]).collect();
+        assert_eq!(pairwise_clustering_scores(&copied, &again.object_of_detection).f1, 1.0);
+        assert_eq!(again.clutter, 10 * found.clutter);
+        for (one, ten) in found.objects.iter().zip(&again.objects) {
+            assert_eq!((10 * one.views, &one.id), (ten.views, &ten.id));
+            assert!((one.evidence.unwrap() - ten.evidence.unwrap()).abs() < 1e-6, "{one:?} {ten:?}");
+        }
     }
 }

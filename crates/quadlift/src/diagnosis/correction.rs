@@ -7,9 +7,9 @@
 use nalgebra::{Matrix3, Point3, Quaternion, Rotation3, UnitQuaternion, Vector2, Vector3};
 
 use super::camera::CameraParts;
-use super::frame_order::{lexicographic_places, natural_places};
 use super::pixel_map::PixelMap;
 use crate::geometry::{BoundingBox, Ellipse, Intrinsics};
+use crate::scene::frame_names::{lexicographic_places, natural_places};
 
 /// How the numbers of a box were read, and how they are meant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -13,7 +13,6 @@
 
 mod agreement;
 mod camera;
-mod frame_order;
 mod pixel_map;
 mod correction;
 mod apply;
@@ -42,7 +41,6 @@ pub use agreement::Agreement;
 pub use camera::CameraParts;
 pub use cause::{Cause, CauseName};
 pub use correction::{BoxFormat, Correction, Mistake};
-pub(crate) use frame_order::natural_places;
 pub use pixel_map::PixelMap;
 pub use verdict::Diagnosis;
 pub use with_ids::diagnose;

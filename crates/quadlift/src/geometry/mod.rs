@@ -9,6 +9,7 @@ mod convex_body;
 mod ellipse;
 pub(crate) mod gamma;
 pub(crate) mod linalg;
+pub(crate) mod point_tree;
 mod oriented_box;
 pub(crate) mod quadrature;
 pub(crate) mod ray_sum;

@@ -2,7 +2,6 @@
 
 mod measurement_kind;
 mod options;
-mod order;
 mod selection;
 mod spread;
 mod validate;
@@ -13,13 +12,12 @@ pub use options::LocalizeOptions;
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
-use crate::association::IdPolicy;
-use crate::association::places::Places;
 use crate::cross_validation::{CrossValidation, choose_folds, summarize};
 use crate::diagnosis::{Diagnosis, diagnose_refined};
 use crate::geometry::BodyKind;
 use crate::observer::{Observer, Watch};
 use crate::parallel::map_indices;
+use crate::scene::places::Places;
 use crate::scene::{Detection, Scene, SkippedDetections, SourceError};
 use crate::solve::plausible::warn_of_implausible_sizes;
 use crate::solve::posterior::{CrossValidated, PosePoints, PoseUnknowns, PosteriorContext, posterior};
@@ -27,10 +25,8 @@ use crate::solve::{
     BORDER_MARGIN, Estimate, Fold, FoldPrediction, OptionError, PosteriorOptions, SceneSolution, ViewReport,
     predict_fold, solve_closed_form,
 };
-use crate::sorting::StableSort;
-use order::{FrameOrder, order_of_objects};
 use selection::Selection;
-use spread::spread;
+use spread::{sort_objects, spread};
 
 /// Why a scene cannot be localized at all.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -92,10 +88,8 @@ pub(crate) fn solve_objects(
     if let Some(posterior_options) = options.method.posterior_options() {
         validate::check_up(posterior_options, scene)?;
     }
-    let sorted = FrameOrder::of(scene).and_then(|order| Some((order.apply(scene).ok()?, order)));
-    let in_order = sorted.as_ref().map_or(scene, |(sorted, _)| sorted);
-    let of_all = Selection::new(in_order, options)?;
-    let places = Places::of(in_order, &of_all.of_source(), IdPolicy::Trust);
+    let of_all = Selection::new(scene, options)?;
+    let places = Places::of(scene, &of_all.of_source(), true);
     let skipped = of_all.skipped;
     let selection = places.as_ref().map_or(Ok(of_all), |places| Selection::new(&places.scene, options))?;
     let watch = Watch::new(observer, selection.objects.len());
@@ -113,11 +107,9 @@ pub(crate) fn solve_objects(
     }
     let mut localization = Localization { solution, skipped, cross_validation, diagnosis: Diagnosis::default() };
     if let Some(places) = &places {
-        spread(places, in_order, &mut localization);
+        spread(places, scene, &mut localization);
     }
-    if let Some((_, order)) = &sorted {
-        order.undo(&mut localization);
-    }
+    sort_objects(&mut localization);
     let estimates = &mut localization.estimates;
     warn_of_implausible_sizes(estimates, &scene.categories, &options.plausible_sizes);
     let is_used = |d: &Detection| selection.is_used(d);
@@ -163,16 +155,7 @@ fn refined(
         watch,
     };
     let choose = |estimates: &[Estimate]| folds_of(estimates, options);
-    let order = order_of_objects(scene, &selection.objects);
-    let (mut solution, folds, predicted) = posterior(order.len(), &|k| selection.views_of(order[k]), &context, &choose);
-    let mut estimates: Vec<_> = order.iter().zip(solution.estimates).collect();
-    estimates.stable_sort_by_key(|(place, _)| **place);
-    solution.estimates = estimates.into_iter().map(|(_, estimate)| estimate).collect();
-    let mut folds: Vec<_> = folds.into_iter().zip(predicted).collect();
-    folds.iter_mut().for_each(|(fold, _)| fold.object = order[fold.object]);
-    folds.stable_sort_by_key(|(fold, _)| fold.object);
-    let (folds, predicted) = folds.into_iter().unzip();
-    (solution, folds, predicted)
+    posterior(selection.objects.len(), &|k| selection.views_of(k), &context, &choose)
 }
 
 /// By a closed form, object by object.

@@ -1,6 +1,7 @@
 //! Which detections of which objects a localization uses.
 
 use super::options::LocalizeOptions;
+use crate::scene::frame_names::natural_places;
 use crate::scene::{Detection, ObjectViews, Scene, SkippedDetections, SourceError};
 use crate::sorting::StableSort;
 
@@ -9,7 +10,7 @@ pub(super) struct Selection<'a> {
     pub scene: &'a Scene,
     options: &'a LocalizeOptions,
     source: Option<u32>,
-    /// Index of each listed object in the scene, ascending. Objects of other sources are not listed; objects whose detections are all
+    /// Index of each listed object in the scene, in the order of their ids, whatever that of the file. Objects of other sources are not listed; objects whose detections are all
     /// skipped are.
     pub objects: Vec<usize>,
     /// For each object of the scene, the detections that are used, in the order of their frames.
@@ -84,7 +85,10 @@ impl<'a> Selection<'a> {
             skipped.beyond_lens += usize::from(visible && !measured);
             skipped.without_measurement += usize::from(visible && measured && !self.is_usable(detection));
         }
+        let ids: Vec<&str> = self.scene.object_ids.iter().map(String::as_str).collect();
+        let places = natural_places(&ids);
         self.objects = (0..named.len()).filter(|&object| named[object]).collect();
+        self.objects.stable_sort_by_key(|&object| places[object]);
         self.skipped = skipped;
     }
 

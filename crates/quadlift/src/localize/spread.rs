@@ -1,11 +1,10 @@
-//! The result for all frames from that of one frame for each place.
+//! The result for a scene from that of its places: all frames and objects, in the order of the file.
 
 use std::collections::HashMap;
 
 use super::Localization;
-use super::order::renumber_predictions;
-use crate::association::places::{MIN_OVERLAP, Places};
 use crate::scene::Scene;
+use crate::scene::places::{MIN_OVERLAP, Places};
 use crate::solve::{RefinedPose, Rejection, ScaledQuantity, Status, ViewReport};
 use crate::sorting::StableSort;
 
@@ -30,6 +29,7 @@ pub(super) fn spread(places: &Places, scene: &Scene, found: &mut Localization) {
         |object: usize, place: usize| copies.get(&(object, place)).map_or(places.frames[place][0], |all| all[0].0);
     for estimate in &mut found.estimates {
         let object = estimate.object_index;
+        let of_places = estimate.views.len();
         let of_view = |view: &ViewReport| {
             let view = *view;
             let known = copies.get(&(object, view.frame_index)).cloned();
@@ -44,7 +44,7 @@ pub(super) fn spread(places: &Places, scene: &Scene, found: &mut Localization) {
         estimate.views = estimate.views.iter().flat_map(of_view).collect();
         estimate.views.stable_sort_by_key(|view| view.frame_index);
         // There are views, but from too few places.
-        if estimate.status == Status::TooFewViews && estimate.views.len() > MIN_VIEWS {
+        if estimate.status == Status::TooFewViews && estimate.views.len() > of_places.max(MIN_VIEWS) {
             estimate.status = Status::Degenerate;
         }
     }
@@ -61,4 +61,26 @@ pub(super) fn spread(places: &Places, scene: &Scene, found: &mut Localization) {
             *frame = places.frames[*frame][0];
         }
     }
+}
+
+/// Gives the predictions other frames, from their estimates (indices) and frames, and puts them in the order of these.
+fn renumber_predictions(found: &mut Localization, new: impl Fn(usize, usize) -> usize) {
+    for object in &mut found.cross_validation.objects {
+        let estimate = object.estimate_index;
+        let odd = object.suspect_view().map(|odd| new(estimate, odd.frame_index));
+        object.predictions.iter_mut().for_each(|one| one.frame_index = new(estimate, one.frame_index));
+        object.predictions.stable_sort_by_key(|one| one.frame_index);
+        object.odd = odd.and_then(|odd| object.predictions.iter().position(|one| one.frame_index == odd));
+    }
+}
+
+/// Puts the objects in the order of the scene.
+pub(super) fn sort_objects(found: &mut Localization) {
+    let objects: Vec<usize> = found.estimates.iter().map(|estimate| estimate.object_index).collect();
+    found.estimates.stable_sort_by_key(|estimate| estimate.object_index);
+    let estimates = &found.solution.estimates;
+    for object in &mut found.cross_validation.objects {
+        object.estimate_index = estimates.partition_point(|one| one.object_index < objects[object.estimate_index]);
+    }
+    found.cross_validation.objects.stable_sort_by_key(|object| object.estimate_index);
 }

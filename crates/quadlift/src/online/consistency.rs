@@ -14,10 +14,10 @@ use super::standstill::of_different_places;
 use super::update::{Event, FrameUpdate};
 use super::views::{KeptView, bounding_box};
 use super::windows::Windows;
-use crate::association::statistics::median;
 use crate::association::{AssociateOptions, AssociatedObject, Association, IdPolicy, Outcome};
 use crate::diagnosis::misses::AGREES;
 use crate::diagnosis::{Cause, CauseName, Diagnosis, diagnose_association, is_convincing};
+use crate::optimize::median::quantile;
 use crate::run::diagnose_source;
 use crate::scene::{Detection, Scene, SceneParts};
 use crate::sorting::StableSort;
@@ -129,7 +129,7 @@ fn learn_step(windows: &mut Windows, keyframes: &Keyframes, frames: &[RecentFram
     let center = |frame: &RecentFrame| keyframes.camera(frame.key).map(|camera| camera.center);
     let step = |pair: &[RecentFrame]| Some((center(&pair[1])? - center(&pair[0])?).norm());
     let mut steps: Vec<f64> = frames.windows(2).filter_map(step).collect();
-    windows.usual_step = median(&mut steps).unwrap_or(0.0).max(windows.usual_step);
+    windows.usual_step = quantile(&mut steps, 0.5).unwrap_or(0.0).max(windows.usual_step);
 }
 
 /// Replaces the frames that were inconsistent.

@@ -12,7 +12,7 @@ use super::update::{Event, FrameUpdate, Removal};
 use super::views::KeptView;
 use crate::association::input::observations::BoxObservation;
 use crate::association::search::growth::MAX_MISSES;
-use crate::association::statistics::median;
+use crate::optimize::median::quantile;
 use crate::tuning::CLEAR;
 
 /// Log odds below which an object is gone. With [`DETECTED_LOG_ODDS`] a detector that misses one object in five
@@ -111,7 +111,7 @@ fn usual_half_size(objects: &Objects, slot: u32) -> f64 {
         0.25 * (x1 - x0 + y1 - y0)
     };
     let mut sizes: Vec<f64> = objects.get(slot).map_or(Vec::new(), |t| t.views.iter().map(half_size).collect());
-    median(&mut sizes).unwrap_or(f64::INFINITY)
+    quantile(&mut sizes, 0.5).unwrap_or(f64::INFINITY)
 }
 
 fn count_clear_view(objects: &mut Objects, running: &mut Running, slot: u32, detected: bool) {

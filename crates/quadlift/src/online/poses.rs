@@ -21,11 +21,11 @@ use super::tracked::Tracked;
 use super::update::{DetectionRef, Event, FrameUpdate};
 use super::views::KeptView;
 use crate::association::input::observations::Camera;
-use crate::association::input::point_tree::PointTree;
 use crate::association::score::fit::Start;
 use crate::association::score::log_likelihood_ratio::LogLikelihoodRatios;
 use crate::association::search::passes::fit_rays;
 use crate::geometry::Projection;
+use crate::geometry::point_tree::PointTree;
 use crate::sorting::StableSort;
 
 /// Rounds of estimation, splitting, merging and assignment after frames have moved.

@@ -6,7 +6,7 @@ use super::MAX_DETECTIONS;
 use super::keyframes::Keyframes;
 use super::update::{DetectionRef, ObjectId};
 use super::views::KeptView;
-use crate::association::places::MIN_SEEN;
+use crate::scene::places::MIN_SEEN;
 
 /// Detections that are remembered for a box, at most.
 const MAX_COPIES: usize = 5000;

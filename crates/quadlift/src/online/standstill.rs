@@ -24,12 +24,12 @@ use super::update::FrameUpdate;
 use super::views::{KeptView, from_bits, to_bits};
 use super::windows::Windows;
 use crate::association::input::observations::Camera;
-use crate::association::places::{MAX_MOTION_PX, MAX_ROUNDING, MIN_OVERLAP, turn_px};
 use crate::association::score::scene_statistics::SceneStatistics;
-use crate::association::statistics::median;
 use crate::geometry::BoundingBox;
 use crate::optimize::matching::{Pair, greedy_pairs};
+use crate::optimize::median::quantile;
 use crate::scene::NewDetection;
+use crate::scene::places::{MAX_MOTION_PX, MAX_ROUNDING, MIN_OVERLAP, turn_px};
 
 /// Errors alone leave the larger mean square of both axes below this in three of five boxes, and the median of many boxes at 1.23.
 const MAX_AXIS_CHI2: f64 = 1.47;
@@ -52,7 +52,8 @@ pub(super) fn same_place(memory: &Memory, frame: &Frame, detections: &[NewDetect
     };
     let is_there = |recent: &&RecentFrame| {
         memory.keyframes.camera(recent.key).is_some_and(|known| {
-            (known.center - new.center).norm() <= tolerance && turn_px(known, &new) <= MAX_MOTION_PX
+            (known.center - new.center).norm() <= tolerance
+                && turn_px(&known.matrix, &new.matrix, &known.size) <= MAX_MOTION_PX
         })
     };
     let known = memory.recent.iter().rev().find(is_there);
@@ -78,7 +79,7 @@ fn is_still(
 ) -> bool {
     // A camera that looks at the same thing from elsewhere has turned.
     let max_turn = 2.0 * statistics.edge_noise_px;
-    if keyframes.camera(before.key).is_none_or(|known| turn_px(known, camera) > max_turn) {
+    if keyframes.camera(before.key).is_none_or(|known| turn_px(&known.matrix, &camera.matrix, &known.size) > max_turn) {
         return false;
     }
     let mut pairs = Vec::new();
@@ -94,7 +95,7 @@ fn is_still(
     let mut motions: Vec<f64> = greedy_pairs(&pairs).into_iter().filter_map(|k| motion(pairs[k])).collect();
     // Most move by no more than is expected of errors alone.
     2 * motions.len() >= before.boxes.len().min(boxes.len())
-        && median(&mut motions).is_some_and(|chi2| chi2 <= MAX_AXIS_CHI2)
+        && quantile(&mut motions, 0.5).is_some_and(|chi2| chi2 <= MAX_AXIS_CHI2)
 }
 
 /// The mean square of the differences of edges in units of their variance, along the image axis with the larger one;

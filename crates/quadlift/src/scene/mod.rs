@@ -4,6 +4,7 @@
 
 mod cues;
 mod error;
+pub(crate) mod frame_names;
 mod points;
 mod parts;
 mod occluded;
@@ -12,6 +13,7 @@ mod sources;
 mod views;
 mod outlines;
 mod builder;
+pub(crate) mod places;
 
 pub use builder::{NewDetection, SceneBuilder};
 pub use cues::{Box3dCue, Box3dSd, CueError, Cues, DepthCue};

@@ -18,6 +18,7 @@ pub(crate) const ENCLOSING_QUANTILE: f64 = 0.85;
 use super::conditioning::{ObjectFrame, axes_of};
 use crate::geometry::linalg::solve_spd;
 use crate::geometry::{Body, ConvexBody, Ellipsoid, TangentLines, edge_plane, support_plane};
+use crate::optimize::median::quantile;
 use crate::scene::View;
 
 /// Minimum number of planes for separate proportions: twice the parameters. With fewer planes there is no gain: see the
@@ -100,17 +101,9 @@ fn planes(views: &[View], frame: &ObjectFrame) -> Vec<Plane> {
     planes
 }
 
-fn quantile_of_ratios(planes: &[Plane], reach: impl Fn(&Vector3<f64>) -> f64, quantile: f64) -> Option<f64> {
+fn quantile_of_ratios(planes: &[Plane], reach: impl Fn(&Vector3<f64>) -> f64, share: f64) -> Option<f64> {
     let ratios = planes.iter().map(|plane| plane.d / reach(&plane.n));
-    quantile_of(&mut ratios.filter(|ratio| ratio.is_finite()).collect::<Vec<f64>>(), quantile)
-}
-
-/// The quantile of a list, interpolated linearly between neighbors; `None` for an empty list.
-pub(super) fn quantile_of(values: &mut [f64], quantile: f64) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let position = quantile.clamp(0.0, 1.0) * values.len().checked_sub(1)? as f64;
-    let (low, high) = (position.floor() as usize, position.ceil() as usize);
-    Some(values[low] + (values[high] - values[low]) * (position - position.floor()))
+    quantile(&mut ratios.filter(|ratio| ratio.is_finite()).collect::<Vec<f64>>(), share)
 }
 
 /// An ellipsoid about a center: the image of the unit ball by `axes`.
@@ -351,13 +344,5 @@ mod tests {
         let fit = Fit::of(&truth, &planes, 1.0, 0.85).unwrap();
         let outside = planes.iter().filter(|plane| fit.log_ratio(plane) > 1e-12).count();
         assert!((28..=31).contains(&outside), "{outside} of 200");
-    }
-
-    #[test]
-    fn quantiles_interpolate() {
-        let mut values = [4.0, 1.0, 2.0, 3.0];
-        assert_eq!(quantile_of(&mut values, 0.5), Some(2.5));
-        assert_eq!(quantile_of(&mut values, 1.0), Some(4.0));
-        assert_eq!(quantile_of(&mut [], 0.5), None);
     }
 }

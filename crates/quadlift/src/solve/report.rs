@@ -3,9 +3,10 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::enclosing::{enclosing, quantile_of};
+use super::enclosing::enclosing;
 use super::estimate::{Estimate, Rejection, Status, ViewReport, Warning};
 use crate::geometry::{Body, ConvexBody, project_bounding_box};
+use crate::optimize::median::quantile;
 use crate::scene::View;
 
 /// Below this largest angle between viewing rays the depth is called uncertain (radians; 5 degrees).
@@ -91,7 +92,7 @@ pub(super) fn is_a_body(body: &Body, views: &[View]) -> bool {
         return body.half_extents.iter().all(|x| x.is_finite() && *x > 0.0);
     }
     let mut ratios: Vec<f64> = views.iter().filter_map(ratio).collect();
-    quantile_of(&mut ratios, 0.5).is_some_and(|median| (1.0 / RUN_AWAY..=RUN_AWAY).contains(&median))
+    quantile(&mut ratios, 0.5).is_some_and(|median| (1.0 / RUN_AWAY..=RUN_AWAY).contains(&median))
 }
 
 fn warnings(views: &[View], body: &Body) -> Vec<Warning> {

@@ -4,10 +4,10 @@ use nalgebra::Vector3;
 
 use super::frame_order::FrameOrder;
 use super::observations::{BoxObservation, Observations};
-use super::point_tree::PointTree;
 use super::sizes::LogSize;
 use crate::association::options::{AssociateOptions, IdPolicy};
 use crate::association::statistics::DetectionRate;
+use crate::geometry::point_tree::PointTree;
 use crate::scene::Scene;
 use crate::solve::CategoryPriors;
 

@@ -1,7 +1,7 @@
 //! Neighboring frames: the order in which objects grow, and the frame pairs that births use.
 
 use super::observations::Camera;
-use super::point_tree::PointTree;
+use crate::geometry::point_tree::PointTree;
 
 /// Frames in which a birth searches for a partner of a box.
 const PARTNERS: usize = 10;

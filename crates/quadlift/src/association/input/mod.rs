@@ -4,7 +4,6 @@
 pub(crate) mod box_observation;
 pub(crate) mod clutter;
 pub(crate) mod observations;
-pub(crate) mod point_tree;
 pub(crate) mod frame_order;
 pub(crate) mod preselect;
 pub(crate) mod sizes;

@@ -5,6 +5,7 @@ use super::clutter::{BoxSizes, set_clutter};
 use crate::tuning::WRONG_CATEGORY_SHARE;
 use nalgebra::{Vector2, Vector3};
 
+use crate::optimize::median::quantile;
 use crate::scene::{BORDER_TOLERANCE_PX, Scene, edges_at_border};
 use crate::sorting::StableSort;
 
@@ -82,7 +83,7 @@ impl Observations {
         for observation in &boxes {
             category_share[observation.category] += 1.0 / boxes.len() as f64;
         }
-        let least_half_size = MIN_SIZE * crate::association::statistics::quantile(&mut half_sizes, 0.02).unwrap_or(0.0);
+        let least_half_size = MIN_SIZE * quantile(&mut half_sizes, 0.02).unwrap_or(0.0);
         let sizes = BoxSizes::of(&boxes);
         let mut observations = Self { cameras, boxes, categories, least_half_size, origin, sizes, category_share };
         for frame in 0..observations.cameras.len() {

@@ -5,7 +5,8 @@ use super::log_likelihood_ratio::HIDDEN_SHARE;
 use super::object::Object;
 use super::scene_statistics::SceneStatistics;
 use crate::association::input::observations::Observations;
-use crate::association::statistics::{DetectionRate, LN_2PI, median, t_constant};
+use crate::association::statistics::{DetectionRate, LN_2PI, t_constant};
+use crate::optimize::median::quantile;
 
 /// Range of the logarithm of an unknown size, over which it is uniform.
 const LOG_SIZE_RANGE: f64 = 6.0;
@@ -63,7 +64,7 @@ pub(crate) fn evidence(
 /// their scores are one opinion.
 pub(crate) fn score_log_odds(observations: &Observations, object: &Object) -> f64 {
     let odds = object.boxes.iter().map(|&index| observations.boxes[index as usize].score_log_odds);
-    median(&mut odds.collect::<Vec<f64>>()).unwrap_or(0.0)
+    quantile(&mut odds.collect::<Vec<f64>>(), 0.5).unwrap_or(0.0)
 }
 
 #[cfg(test)]

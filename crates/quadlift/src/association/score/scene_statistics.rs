@@ -6,7 +6,7 @@ use super::object::Object;
 use crate::association::input::context::AssociationContext;
 use crate::association::input::observations::{BoxObservation, Observations};
 use crate::association::input::sizes::LogSize;
-use crate::association::statistics::{median, quantile};
+use crate::optimize::median::quantile;
 
 /// Initial relative standard deviation of an edge, and its allowed range.
 const FIRST_EDGE_SD: f64 = 0.1;
@@ -120,7 +120,7 @@ impl SceneStatistics {
             }
         }
         if errors.len() > 10
-            && let Some(middle) = median(&mut errors)
+            && let Some(middle) = quantile(&mut errors, 0.5)
         {
             self.edge_noise = (1.4826 * middle).clamp(EDGE_SD_RANGE[0], EDGE_SD_RANGE[1]);
         }
@@ -133,7 +133,7 @@ impl SceneStatistics {
         for object in objects.filter(|o| o.boxes.len() >= MIN_INFORMATIVE_VIEWS) {
             sizes[object.category].push(object.radius.ln());
         }
-        let medians: Vec<Option<f64>> = sizes.iter_mut().map(|s| median(s)).collect();
+        let medians: Vec<Option<f64>> = sizes.iter_mut().map(|s| quantile(s, 0.5)).collect();
         let mut deviations = Vec::new();
         for (size, middle) in sizes.iter().zip(&medians) {
             if let Some(middle) = middle
@@ -146,7 +146,7 @@ impl SceneStatistics {
         if deviations.len() < 5 {
             return;
         }
-        let sd = 1.3 * (1.4826 * median(&mut deviations).unwrap_or(0.0)).max(0.3);
+        let sd = 1.3 * (1.4826 * quantile(&mut deviations, 0.5).unwrap_or(0.0)).max(0.3);
         let seen: Vec<f64> = medians.iter().flatten().copied().collect();
         let overall = seen.iter().sum::<f64>() / seen.len().max(1) as f64;
         for (log_size, middle) in self.log_sizes.iter_mut().zip(medians) {
@@ -170,10 +170,10 @@ pub(crate) fn volume_of(observations: &Observations, objects: &[Object]) -> Opti
             let camera = &observations.cameras[observations.boxes[index as usize].frame];
             camera.axis.dot(&lone.center) + camera.matrix[(2, 3)]
         };
-        let distance = median(&mut lone.boxes.iter().map(depth).collect::<Vec<f64>>())?;
+        let distance = quantile(&mut lone.boxes.iter().map(depth).collect::<Vec<f64>>(), 0.5)?;
         return (distance > 0.0).then(|| 4.0 / 3.0 * std::f64::consts::PI * distance.powi(3));
     }
-    let margin = 4.0 * median(&mut objects.iter().map(|o| o.radius).collect::<Vec<f64>>())?;
+    let margin = 4.0 * quantile(&mut objects.iter().map(|o| o.radius).collect::<Vec<f64>>(), 0.5)?;
     let extent: [f64; 3] = std::array::from_fn(|axis| {
         let mut places: Vec<f64> = objects.iter().map(|o| o.center[axis]).collect();
         let low = quantile(&mut places, 0.05).unwrap_or(0.0);

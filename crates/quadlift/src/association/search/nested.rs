@@ -4,11 +4,11 @@ use nalgebra::Vector3;
 
 use crate::association::input::context::AssociationContext;
 use crate::association::input::observations::Observations;
-use crate::association::input::point_tree::PointTree;
 use crate::association::score::evidence::evidence;
 use crate::association::score::object::Object;
 use crate::association::score::scene_statistics::SceneStatistics;
-use crate::association::statistics::quantile;
+use crate::geometry::point_tree::PointTree;
+use crate::optimize::median::quantile;
 
 /// Centers closer than this many semi-axes of each other's bodies count as duplicates,
 pub(crate) const SAME_PLACE: f64 = 0.5;
