@@ -29,8 +29,8 @@ OTHER_FILES = {
     "scene_file/bodies scene_file/convert scene_file/depth_images scene_file/images scene_file/paths "
     "scene_file/point_clouds scene_file/run scene_file/tangent_lines",
     # Records beside the code that reads what they name.
-    "Box3dRecord DepthImageRecord DetectionRecord FrameRecord ObjectRecord PointCloudRecord": "scene_file/bodies "
-    "scene_file/convert scene_file/depth_images scene_file/point_clouds quadlift-io/src/stream/map_file",
+    "Box3dRecord DepthImageRecord DetectionRecord FrameRecord ObjectRecord PointCloudRecord": "scene_file/bodies scene_file/convert "
+    "scene_file/depth_images scene_file/detection_cues scene_file/point_clouds quadlift-io/src/stream/map_file",
     "RigScene": "calibrate_rig/record",
     "CheckedScene": "write/frusta write/units write/views",
     # The fit of an object: its stages.

@@ -125,8 +125,7 @@ fn separate_cue_sources(file: &mut SceneFile) {
         frame.point_cloud.iter_mut().for_each(|cloud| rename(&mut cloud.source, "point_cloud"));
     }
     for detection in &mut file.detections {
-        detection.depth.iter_mut().for_each(|depth| rename(&mut depth.source, "depth"));
-        detection.box3d.iter_mut().for_each(|box3d| rename(&mut box3d.source, "box3d"));
+        detection.cue_sources_mut().for_each(|(cue, source)| rename(source, cue));
     }
     let sources = std::mem::take(&mut file.cue_sources);
     file.cue_sources = sources.into_iter().map(|(name, source)| (format!("{PREFIX}{name}"), source)).collect();

@@ -1,10 +1,9 @@
 //! Depths and 3D boxes of detections, moved with the world of the corrected poses.
 
-use nalgebra::{DMatrix, Matrix3, Matrix4, Point3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Matrix4, Point3, Vector3};
 use quadlift::diagnosis::Correction;
-use quadlift::geometry::{quaternion_from_rotation, rotation_from_quaternion};
 
-use crate::scene_file::{Box3dRecord, SceneFile};
+use crate::scene_file::SceneFile;
 
 /// Multiplies depths, the scales of depth images, point clouds and 3D boxes where the correction changes the unit of the world, and
 /// mirrors point clouds and 3D boxes of the world where it mirrors the world. Those in the frame of a camera stay where they are: its axes are OpenCV's in every file.
@@ -28,53 +27,19 @@ pub(super) fn move_by(file: &mut SceneFile, linear: &Matrix3<f64>, origin: &Vect
     }
     file.point_cloud.iter_mut().for_each(|cloud| cloud.moved_by(&world));
     for record in &mut file.detections {
-        if let Some(depth) = &mut record.depth {
-            depth.median *= factor;
-            depth.sd = depth.sd.map(|sd| sd * factor);
-        }
-        if let Some(box3d) = &mut record.box3d {
-            let of_world = box3d.frame.as_deref() == Some("world");
-            move_box(box3d, factor, &if of_world { linear / factor } else { Matrix3::identity() });
-            if of_world {
-                box3d.center = box3d.center.map(|center| (Point3::from(center) + origin).into());
-            }
-        }
-    }
-}
-
-/// A box that is `factor` times as large, in axes that `turn`, a rotation or a mirror, maps to.
-fn move_box(record: &mut Box3dRecord, factor: f64, turn: &Matrix3<f64>) {
-    // A box is its own mirror image: its second axis changes its sign, so that the three stay right-handed.
-    let second = turn.determinant().signum();
-    let flip = Matrix3::from_diagonal(&[1.0, second, 1.0].into());
-    record.center = record.center.map(|center| (turn * Point3::from(center) * factor).into());
-    record.half_extents = record.half_extents.map(|half| half.map(|x| x * factor));
-    if *turn != Matrix3::identity() {
-        record.rotation = record.rotation.map(|wxyz| {
-            // `to_scene` reports what is no unit quaternion.
-            let Some(rotation) = rotation_from_quaternion(wxyz) else { return wxyz };
-            quaternion_from_rotation(&Rotation3::from_matrix_unchecked(turn * rotation.matrix() * flip))
-        });
-    }
-    // `to_scene` reports covariances of another size.
-    let is_square = |rows: &Vec<Vec<f64>>| rows.len() == 9 && rows.iter().all(|row| row.len() == 9);
-    if let Some(rows) = record.covariance.as_mut().filter(|rows| is_square(rows)) {
-        let mut by = DMatrix::identity(9, 9);
-        by.view_mut((0, 0), (3, 3)).copy_from(&(turn * factor));
-        // Turns about the axes of a mirrored box: they are turned the other way.
-        by.view_mut((3, 3), (3, 3)).copy_from(&(flip * second));
-        let moved = &by * DMatrix::from_fn(9, 9, |i, j| rows[i][j]) * by.transpose();
-        *rows = (0..9).map(|i| moved.row(i).iter().copied().collect()).collect();
+        record.move_cues(linear, origin);
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{SMatrix, SVector};
+    use nalgebra::{Rotation3, SMatrix, SVector};
+    use quadlift::geometry::{quaternion_from_rotation, rotation_from_quaternion};
     use serde_json::json;
 
     use super::*;
     use crate::correct::{Assumption, correct};
+    use crate::scene_file::Box3dRecord;
 
     /// The axes of the camera see the box of the world in front of them.
     const POSE: [[f64; 4]; 3] = [[0.0, 1.0, 0.0, -1.0], [0.0, 0.0, -1.0, 2.0], [-1.0, 0.0, 0.0, 9.0]];
@@ -185,7 +150,7 @@ mod tests {
                     rotation: Some(quaternion_from_rotation(&rotation)),
                     ..given
                 };
-                move_box(&mut changed, factor, &turn);
+                changed.move_by(&(turn * factor), &Vector3::zeros());
                 changed
             };
             let start = moved(&SVector::zeros());

@@ -3,11 +3,11 @@
 use std::cell::OnceCell;
 use std::collections::HashMap;
 
-use nalgebra::{Matrix3x4, Vector2};
+use nalgebra::Vector2;
 use quadlift::geometry::{BoundingBox, BoundingBoxError, CamFromWorld, Camera, CameraModel, Ellipse, Projection};
-use quadlift::scene::{Cues, DepthCue, Detection, NewDetection, RigCamera, Scene, SceneBuilder, SceneError};
+use quadlift::scene::{Detection, NewDetection, RigCamera, Scene, SceneBuilder, SceneError};
 
-use super::cue_records::{Box3dRecord, DepthRecord};
+use super::frame_pose::{matrix, pose_of};
 use super::records::{
     CameraRecord, DetectionRecord, FrameRecord, OrientedBoxRecord, RIG_FRAME, SceneFile, SegmentationRecord,
 };
@@ -155,22 +155,11 @@ impl SceneFile {
     }
 }
 
-/// The pose of a frame; `None` where it has none that is valid.
-fn pose_of(frame: &FrameRecord) -> Option<CamFromWorld> {
-    match (&frame.cam_from_world, &frame.projection) {
-        (Some(rows), _) => CamFromWorld::new(matrix(rows)).ok(),
-        (None, Some(rows)) => Projection::from_matrix(matrix(rows)).ok()?.camera_pose(),
-        (None, None) => None,
-    }
-}
-
 impl DetectionRecord {
     /// A detection of a scene with its names, box, ellipse and cues, as they are in the scene.
     pub fn of_scene(scene: &Scene, detection: &Detection) -> Self {
         let name = |index: Option<u32>, names: &[String]| index.map(|index| names[index as usize].as_str().into());
-        let source = |index: Option<u32>| name(index, &scene.cue_sources);
-        let cues = detection.cues.as_deref().copied().unwrap_or_default();
-        Self {
+        let record = Self {
             frame: scene.frames[detection.frame_index as usize].id.as_str().into(),
             object: name(detection.object_index, &scene.object_ids),
             category: name(detection.category_index, &scene.categories),
@@ -178,10 +167,10 @@ impl DetectionRecord {
             score: detection.score,
             bounding_box: detection.bounding_box.map(|b| b.edges()),
             ellipse: detection.ellipse.map(|ellipse| Box::new(ellipse.into())),
-            depth: cues.depth.map(|depth| Box::new(DepthRecord::of(&depth, source(depth.source)))),
-            box3d: cues.box3d.map(|box3d| Box::new(Box3dRecord::of(&box3d, source(box3d.source)))),
             ..Default::default()
-        }
+        };
+        let cues = detection.cues.as_deref().copied().unwrap_or_default();
+        record.with_cues(&cues, |index| name(index, &scene.cue_sources))
     }
 
     /// The detection with checked geometry, without its cues.
@@ -220,45 +209,6 @@ impl DetectionRecord {
             ..Default::default()
         })
     }
-
-    /// The depth and the 3D box, checked; `source_of` gives the index of a source, `pose` is that of the frame.
-    ///
-    /// # Errors
-    /// [`EntryError`] names the first field that is out of range; `entry` makes a place of the name of the field.
-    pub fn cues(
-        &self,
-        mut source_of: impl FnMut(&str) -> Result<u32, SceneError>,
-        pose: impl Fn() -> Option<CamFromWorld>,
-        entry: impl Fn(&str) -> String,
-    ) -> Result<Cues, EntryError> {
-        let mut source = |name: &Option<Box<str>>, field: &str| {
-            let index = name.as_deref().map(&mut source_of).transpose();
-            index.map_err(|error| EntryError::new(entry(field), error))
-        };
-        let mut cues = Cues::default();
-        if let Some(depth) = self.depth.as_deref() {
-            let source = source(&depth.source, ".depth.source")?;
-            cues.depth = Some(DepthCue { median: depth.median, sd: depth.sd, source });
-            cues.check().map_err(|error| EntryError::new(entry(".depth"), error))?;
-        }
-        if let Some(record) = self.box3d.as_deref() {
-            let source = source(&record.source, ".box3d.source")?;
-            let box3d = record.cue(source, pose, |field| entry(&format!(".box3d{field}")))?;
-            Cues { box3d: Some(box3d), ..Cues::default() }
-                .check()
-                .map_err(|error| EntryError::new(entry(".box3d"), error))?;
-            cues.box3d = Some(box3d);
-        }
-        Ok(cues)
-    }
-}
-
-impl Box3dRecord {
-    /// Whether it is a valid box in front of the camera of a frame.
-    pub(crate) fn is_in_front_of(&self, frame: &FrameRecord) -> bool {
-        let cue = self.cue(None, || pose_of(frame), str::to_owned);
-        cue.is_ok_and(|box3d| Cues { box3d: Some(box3d), ..Cues::default() }.check().is_ok())
-    }
 }
 
 /// A camera of any of COLMAP's models.
@@ -285,8 +235,4 @@ fn image_size(
         (Some(_), None) => Err(EntryError::new(entry(""), "there is a \"width\" but no \"height\"")),
         (None, Some(_)) => Err(EntryError::new(entry(""), "there is a \"height\" but no \"width\"")),
     }
-}
-
-fn matrix(rows: &[[f64; 4]; 3]) -> Matrix3x4<f64> {
-    Matrix3x4::from_fn(|i, j| rows[i][j])
 }

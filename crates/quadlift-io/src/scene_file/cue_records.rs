@@ -1,6 +1,6 @@
 //! Depths and 3D boxes of detections as they are written in a scene file, and their conversion.
 
-use nalgebra::{Matrix3, Point3, Rotation3, SMatrix, Vector3};
+use nalgebra::{DMatrix, Matrix3, Point3, Rotation3, SMatrix, Vector3};
 use quadlift::geometry::{CamFromWorld, quaternion_from_rotation, rotation_from_quaternion};
 use quadlift::scene::{Box3dCue, Box3dSd, DepthCue, DepthScale, SceneBuilder};
 use serde::{Deserialize, Serialize};
@@ -8,6 +8,21 @@ use serde_json::{Map, Value};
 
 use crate::error::EntryError;
 use crate::numbers;
+
+/// The fields of detections that hold cues: name, the fields in it that other records do not have, and what to expect, for messages.
+pub(super) const CUE_FIELDS: [(&str, &[&str], &str); 2] = [
+    (
+        "depth",
+        &["median"],
+        "\"depth\": of a detection {\"median\": number, \"sd\": number, \"source\": \"...\"}, of a frame {\"path\": \"...\", \
+         \"scale\": world units of one count}",
+    ),
+    (
+        "box3d",
+        &["direction", "distance"],
+        "\"box3d\": {\"center\": [x, y, z], \"half_extents\": [l, w, h], \"rotation\": [w, x, y, z], \"frame\": \"camera\"}",
+    ),
+];
 
 /// How far the visible surface of an object is.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -169,6 +184,12 @@ fn sd_of(rows: &[Vec<f64>], center: Option<Point3<f64>>, to_camera: &Matrix3<f64
 }
 
 impl DepthRecord {
+    /// The depth in a world whose lengths are `factor` times as large.
+    pub(super) fn scale(&mut self, factor: f64) {
+        self.median *= factor;
+        self.sd = self.sd.map(|sd| sd * factor);
+    }
+
     /// The record of a cue, with the name of its source.
     pub(super) fn of(depth: &DepthCue, source: Option<Box<str>>) -> Self {
         Self { median: depth.median, sd: depth.sd, source, extra: Map::new() }
@@ -176,6 +197,38 @@ impl DepthRecord {
 }
 
 impl Box3dRecord {
+    /// Moves it with a world whose points `x` become `linear x + origin`; `linear` is a rotation or a mirror, times a factor.
+    pub(crate) fn move_by(&mut self, linear: &Matrix3<f64>, origin: &Vector3<f64>) {
+        let factor = linear.determinant().abs().cbrt();
+        let of_world = self.frame.as_deref() == Some("world");
+        let turn = if of_world { linear / factor } else { Matrix3::identity() };
+        // A box is its own mirror image: its second axis changes its sign, so that the three stay right-handed.
+        let second = turn.determinant().signum();
+        let flip = Matrix3::from_diagonal(&[1.0, second, 1.0].into());
+        self.center = self.center.map(|center| {
+            let center = turn * Point3::from(center) * factor;
+            if of_world { center + origin } else { center }.into()
+        });
+        self.half_extents = self.half_extents.map(|half| half.map(|x| x * factor));
+        if turn != Matrix3::identity() {
+            self.rotation = self.rotation.map(|wxyz| {
+                // `to_scene` reports what is no unit quaternion.
+                let Some(rotation) = rotation_from_quaternion(wxyz) else { return wxyz };
+                quaternion_from_rotation(&Rotation3::from_matrix_unchecked(turn * rotation.matrix() * flip))
+            });
+        }
+        // `to_scene` reports covariances of another size.
+        let is_square = |rows: &Vec<Vec<f64>>| rows.len() == 9 && rows.iter().all(|row| row.len() == 9);
+        if let Some(rows) = self.covariance.as_mut().filter(|rows| is_square(rows)) {
+            let mut by = DMatrix::identity(9, 9);
+            by.view_mut((0, 0), (3, 3)).copy_from(&(turn * factor));
+            // Turns about the axes of a mirrored box: they are turned the other way.
+            by.view_mut((3, 3), (3, 3)).copy_from(&(flip * second));
+            let moved = &by * DMatrix::from_fn(9, 9, |i, j| rows[i][j]) * by.transpose();
+            *rows = (0..9).map(|i| moved.row(i).iter().copied().collect()).collect();
+        }
+    }
+
     /// The record of a cue in the frame of the camera, with the name of its source.
     pub(super) fn of(measured: &Box3dCue, source: Option<Box<str>>) -> Self {
         let Box3dSd { distance, direction, size, rotation } = measured.sd;

@@ -1,5 +1,7 @@
 //! Descriptions of the fields of a scene file, for messages.
 
+use super::cue_records::CUE_FIELDS;
+
 /// The expected value of a field by its name, if the message of the JSON reader is not specific enough.
 pub(super) fn expected(field: &str) -> Option<&'static str> {
     Some(match field {
@@ -23,18 +25,11 @@ pub(super) fn expected(field: &str) -> Option<&'static str> {
         "mask" => {
             "\"mask\": {\"path\": \"...\", \"value\": a whole number}, {\"rle\": {...}} or {\"polygons\": [[x, y, ...]]}"
         }
-        "depth" => {
-            "\"depth\": of a detection {\"median\": number, \"sd\": number, \"source\": \"...\"}, of a frame {\"path\": \"...\", \
-             \"scale\": world units of one count}"
-        }
         "cue_sources" => "\"cue_sources\": {\"name of a source\": {\"scale\": \"frame\"}}",
-        "box3d" => {
-            "\"box3d\": {\"center\": [x, y, z], \"half_extents\": [l, w, h], \"rotation\": [w, x, y, z], \"frame\": \"camera\"}"
-        }
         "segmentation" => "\"segmentation\": {\"method\": \"...\", \"status\": \"...\"} as written by quadlift segment",
         "rle" => "\"rle\": {\"size\": [height, width], \"counts\": ...} as in COCO",
         "polygons" => "\"polygons\": [[x, y, x, y, ...], ...] in pixels",
         "frame" | "camera" | "id" | "object" | "category" | "source" => "ids and names are text, also \"12\"",
-        _ => return None,
+        _ => return CUE_FIELDS.iter().find(|(cue, ..)| *cue == field).map(|(_, _, expected)| *expected),
     })
 }

@@ -6,6 +6,7 @@ use quadlift::nalgebra::Matrix3x4;
 use quadlift::solve::{Estimate, NoiseModel, Status};
 use serde_json::{Value, json};
 
+use super::frame_pose::matrix;
 use super::records::SceneFile;
 use crate::error::EntryError;
 
@@ -43,7 +44,6 @@ impl SceneFile {
     pub(crate) fn with_refined_poses(mut self, localization: &Localization) -> Self {
         for refined in &localization.refined_poses {
             let Some(frame) = self.frames.get_mut(refined.frame_index) else { continue };
-            let matrix = |rows: &[[f64; 4]; 3]| Matrix3x4::from_fn(|i, j| rows[i][j]);
             let rows = |matrix: &Matrix3x4<f64>| std::array::from_fn(|i| std::array::from_fn(|j| matrix[(i, j)]));
             if let Some(given) = frame.cam_from_world {
                 let corrected = CamFromWorld::new(matrix(&given)).and_then(|given| refined.cam_from_world(&given));

@@ -6,17 +6,17 @@ use quadlift::geometry::BodyKind;
 use serde::de::{DeserializeSeed, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
+use super::cue_records::CUE_FIELDS;
+
 /// Maximum number of values in unknown fields and in `localization`: about a gigabyte while reading.
 pub(super) const MAX_VALUES: usize = 10_000_000;
 
 /// Fields that hold records or lists of them, whose fields may be unknown in their turn; also the names of the kinds of bodies.
-const RECORDS: [&str; 18] = [
+const RECORDS: [&str; 16] = [
     "alternatives",
-    "box3d",
     "cameras",
     "covariance",
     "cross_validation",
-    "depth",
     "detections",
     "ellipse",
     "frames",
@@ -33,10 +33,10 @@ const RECORDS: [&str; 18] = [
 
 /// Fields that hold no more than their types can.
 #[rustfmt::skip]
-const PLAIN: [&str; 70] = [
+const PLAIN: [&str; 67] = [
     "angle", "box", "cam_from_world", "camera", "category", "center", "center_sd", "confidence", "coordinates",
-    "counts", "direction", "distance", "edge_error", "format", "frame", "half_extents", "half_height", "height",
-    "id", "image", "inlier", "iou", "length_unit", "log_odds", "matrix", "median", "method", "model", "name",
+    "counts", "edge_error", "format", "frame", "half_extents", "half_height", "height",
+    "id", "image", "inlier", "iou", "length_unit", "log_odds", "matrix", "method", "model", "name",
     "normalized_residual", "notes", "object", "observed_pixels", "observed_points", "occluded", "outline", "params",
     "path", "points", "polygons", "predicted_iou", "projection", "radii", "reason", "rejection_reason",
     "relative_residual", "residual_px", "rotation", "scale", "score", "semi_axes", "size", "source", "status",
@@ -168,8 +168,12 @@ impl Visitor<'_> for FieldVisitor {
 
     fn visit_str<E: Error>(self, name: &str) -> Result<Field, E> {
         Ok(match name {
-            name if RECORDS.contains(&name) || is_body(name) => Field::Records,
-            name if PLAIN.contains(&name) => Field::Plain,
+            name if RECORDS.contains(&name) || is_body(name) || CUE_FIELDS.iter().any(|(cue, ..)| *cue == name) => {
+                Field::Records
+            }
+            name if PLAIN.contains(&name) || CUE_FIELDS.iter().any(|(_, fields, _)| fields.contains(&name)) => {
+                Field::Plain
+            }
             _ => Field::Other,
         })
     }

@@ -34,7 +34,7 @@ impl Extra {
                 (Self::Boxes3d, Some(cues)) => cues.box3d = None,
                 (_, None) => {}
             }
-            detection.cues.take_if(|cues| cues.depth.is_none() && cues.box3d.is_none());
+            detection.cues.take_if(|cues| cues.is_empty());
         }
     }
 
