@@ -33,7 +33,7 @@ fn main() {
             detection.and_then(|(d, _)| Some(scene.categories[d.category_index? as usize].clone()))
         };
         let landmarks = made.truth.iter().enumerate().map(|(object, (_, body))| Landmark {
-            ellipsoid: body.ellipsoid(),
+            body: *body,
             covariance: None,
             category: category_of(object),
         });

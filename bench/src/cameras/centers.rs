@@ -33,7 +33,7 @@ struct Sight {
 /// The pose with which the centers of most boxes agree; `None` where fewer than four do.
 pub(super) fn locate_by_centers(map: &LandmarkMap, query: &Query, seed: u64) -> Option<CamFromWorld> {
     let k = &query.intrinsics;
-    let points: Vec<Vector3<f64>> = map.landmarks().iter().map(|l| l.ellipsoid.center.coords).collect();
+    let points: Vec<Vector3<f64>> = map.landmarks().iter().map(|l| l.body.center.coords).collect();
     let of_category = |category: &Option<String>| {
         (0..points.len()).filter(|&object| &map.landmarks()[object].category == category).collect::<Vec<_>>()
     };

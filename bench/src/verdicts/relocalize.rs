@@ -87,7 +87,7 @@ fn room(seed: u64) -> Result<MapAndImages, Error> {
 fn depth(map: &LandmarkMap, pose: &CamFromWorld) -> f64 {
     let m = pose.matrix();
     let depth_of = |center: [f64; 3]| m[(2, 0)] * center[0] + m[(2, 1)] * center[1] + m[(2, 2)] * center[2] + m[(2, 3)];
-    let depths = map.landmarks().iter().map(|landmark| depth_of(landmark.ellipsoid.center.coords.into()));
+    let depths = map.landmarks().iter().map(|landmark| depth_of(landmark.body.center.coords.into()));
     crate::scores::median(depths.filter(|depth| *depth > 0.0).collect()).unwrap_or(0.0)
 }
 

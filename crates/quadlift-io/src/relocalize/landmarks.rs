@@ -18,8 +18,7 @@ pub struct ObjectLandmarks {
 }
 
 impl SceneFile {
-    /// The objects as landmarks: estimates with the status `ok`, or true objects. An object that is no ellipsoid has the
-    /// ellipsoid of its estimate, or the one of the same reach. Those that a map of a stream calls gone are left out.
+    /// The objects as landmarks: estimates with the status `ok`, or true objects. Those that a map of a stream calls gone are left out.
     ///
     /// # Errors
     /// [`EntryError`], as of [`SceneFile::to_objects`].
@@ -42,7 +41,5 @@ fn landmark(object: &ObjectBodies) -> Option<Landmark> {
     if object.status.is_some_and(|status| status != Status::Ok) {
         return None;
     }
-    let ellipsoid = object.ellipsoid().or_else(|| Some(object.body()?.ellipsoid()))?;
-    let covariance = object.covariance.as_ref().map(|of_body| of_body.in_center_vech_shape(&ellipsoid));
-    Some(Landmark { ellipsoid, covariance, category: object.category.clone() })
+    Some(Landmark { body: object.body()?, covariance: object.covariance, category: object.category.clone() })
 }

@@ -1,5 +1,6 @@
 //! Maps and queries of scene files.
 
+use quadlift::geometry::BodyKind;
 use quadlift::nalgebra::Vector3;
 use quadlift::relocalize::LocateOptions;
 
@@ -92,9 +93,9 @@ fn objects_that_were_localized_become_landmarks() {
     let file = parse_scene_file("map.json".as_ref(), text.as_bytes()).unwrap();
     let map = file.to_landmarks().unwrap();
     assert_eq!((map.ids, map.left_out), (vec!["a".to_owned(), "c".to_owned()], 2));
-    assert_eq!(map.landmarks[0].ellipsoid.semi_axes, Vector3::new(1.0, 1.0, 2.0));
-    // The ellipsoid of the same reach as a cube.
-    assert!((map.landmarks[1].ellipsoid.semi_axes - Vector3::repeat(1.51)).norm() < 0.02);
+    let body = |k: usize| (map.landmarks[k].body.kind, map.landmarks[k].body.half_extents);
+    assert_eq!(body(0), (BodyKind::Ellipsoid, Vector3::new(1.0, 1.0, 2.0)));
+    assert_eq!(body(1), (BodyKind::Cuboid, Vector3::repeat(1.0)));
     let options = LocateOptions::with_noise(&file.noise_levels().unwrap());
     assert!(options.edge_noise == 0.03 && options.edge_noise_px == 2.0);
     assert!((options.common_share - 0.36).abs() < 1e-12);

@@ -33,6 +33,15 @@ impl Body {
         if self.kind == BodyKind::Ellipsoid { self.inscribed() } else { ellipsoid_of_same_reach(self, &self.rotation) }
     }
 
+    /// The point of the body, from its center, that lies farthest along `n`: its support function is `n` times it. Of an edge or a face that
+    /// is perpendicular to `n`, a point of it.
+    pub(crate) fn support_point(&self, n: &Vector3<f64>) -> Vector3<f64> {
+        let along = self.rotation.inverse() * n;
+        let (_, share) = self.kind.support_gradient(&along.abs().component_mul(&self.half_extents));
+        let sign = along.map(|x| if x < 0.0 { -1.0 } else { 1.0 });
+        self.rotation * share.component_mul(&self.half_extents).component_mul(&sign)
+    }
+
     /// The ellipsoid with the same center and axes and the half extents as semi-axes.
     pub fn inscribed(&self) -> Ellipsoid {
         Ellipsoid { center: self.center, semi_axes: self.half_extents, rotation: self.rotation }
@@ -107,6 +116,18 @@ mod tests {
             assert!((volume / body.volume() - 1.0).abs() < 0.01, "{kind:?}: {volume}");
             assert!((0.0..0.05).contains(&(1.0 - reach / body.support(&n))), "{kind:?}: {reach}");
             assert!(!body.contains(&(body.center + Vector3::new(5.0, 0.0, 0.0))));
+        }
+    }
+
+    #[test]
+    fn support_points_reach_as_far_as_the_body() {
+        for kind in BodyKind::ALL {
+            let body = body(kind);
+            for n in [Vector3::new(0.3, -0.8, 0.2), Vector3::z(), -Vector3::x() * 2.0] {
+                let point = body.support_point(&n);
+                assert!((n.dot(&point) - body.support(&n)).abs() < 1e-12, "{kind:?}");
+                assert!(body.contains(&(body.center + point * (1.0 - 1e-12))), "{kind:?}");
+            }
         }
     }
 

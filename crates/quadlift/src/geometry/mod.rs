@@ -38,7 +38,7 @@ pub use kinds::{BodyKind, Mesh, Primitive};
 pub use lens::Camera;
 pub use oriented_box::{OrientedBox, OrientedBoxError};
 pub use projection::{ProjectionError, project_bounding_box, project_ellipsoid};
-pub(crate) use projection::{box_of_outline, edge_plane, support_plane};
+pub(crate) use projection::{box_of_outline, edge_plane, support_plane, tangent_points};
 pub(crate) use rotation::skew;
 pub use rotation::{quaternion_from_rotation, rotation_defect, rotation_from_quaternion, rotation_vector};
 pub use similarity::Similarity;

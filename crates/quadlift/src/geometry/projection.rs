@@ -2,11 +2,13 @@
 
 use nalgebra::{Matrix3, Matrix3x4, Point3, Vector3, Vector4};
 
+use super::body::Body;
 use super::bounding_box::BoundingBox;
 use super::camera::Projection;
 use super::convex_body::ConvexBody;
 use super::ellipse::Ellipse;
 use super::ellipsoid::Ellipsoid;
+use super::kinds::BodyKind;
 use super::tangent_lines::TangentLine;
 
 /// Why a body has no outline in an image.
@@ -106,6 +108,55 @@ pub(crate) fn box_of_outline(dual_conic: &Matrix3<f64>, depth: f64) -> Option<[f
     Some(edges)
 }
 
+/// Where a body in the frame of a camera touches the planes of the edges of its box (left, top, right, bottom): points from the center of the
+/// body. An edge is at X / Z (left, right) or Y / Z of its point. `None` where the body is not wholly in front of the camera.
+///
+/// Those of an ellipsoid have a closed form. Else Newton's method on the distance between plane and body, which is concave in the edge: each
+/// step goes to where the point that lies farthest across the plane is seen, and none goes too far.
+pub(crate) fn tangent_points(body: &Body) -> Option<[Vector3<f64>; 4]> {
+    let center = body.center.coords;
+    if body.kind == BodyKind::Ellipsoid {
+        let root = body.rotation.matrix() * Matrix3::from_diagonal(&body.half_extents);
+        let shape = root * root.transpose();
+        let edges = box_of_outline(&(shape - center * center.transpose()), center.z)?;
+        return Some(std::array::from_fn(|edge| {
+            let mut normal = Vector3::zeros();
+            normal[edge % 2] = 1.0;
+            normal[2] = -edges[edge];
+            shape * normal / -normal.dot(&center)
+        }));
+    }
+    // Also not so near to the plane of the camera that the outline ends nowhere.
+    if !(body.support(&Vector3::z()) < center.z * (1.0 - 1e-9)) {
+        return None;
+    }
+    let mut points = [Vector3::zeros(); 4];
+    for (edge, point) in points.iter_mut().enumerate() {
+        let (axis, outwards) = (edge % 2, if edge < 2 { -1.0 } else { 1.0 });
+        let mut normal = Vector3::zeros();
+        normal[axis] = outwards;
+        let mut position = center[axis] / center.z;
+        for _ in 0..MOST_STEPS {
+            normal[2] = -outwards * position;
+            *point = body.support_point(&normal);
+            let at = center + *point;
+            let next = at[axis] / at.z;
+            let is_last = (next - position) * outwards <= 1e-14 * (1.0 + position.abs());
+            position = next;
+            if is_last {
+                break;
+            }
+        }
+        if !position.is_finite() {
+            return None;
+        }
+    }
+    Some(points)
+}
+
+/// Steps of Newton's method to an edge, at most.
+const MOST_STEPS: usize = 100;
+
 /// The root of the concave function `gap` in the direction `towards` (+1 or -1) from `start`, where it is negative.
 ///
 /// Its slope lies between `depth - reach` and `depth + reach`. The first step takes the steepest, which cannot jump over
@@ -148,7 +199,7 @@ pub(crate) fn support_plane(p: &Matrix3x4<f64>, line: &TangentLine) -> Vector4<f
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Body, BodyKind, CamFromWorld, Intrinsics};
+    use super::super::{CamFromWorld, Intrinsics};
     use super::*;
     use nalgebra::Rotation3;
     use proptest::prelude::*;
@@ -225,6 +276,24 @@ mod tests {
             for (p, q) in expected.iter().zip(boxed) {
                 prop_assert!((p - q).abs() < 1e-7, "{expected:?} {boxed:?}");
             }
+        }
+    }
+
+    #[test]
+    fn tangent_points_are_seen_at_the_edges_of_the_box() {
+        let intrinsics = Intrinsics::new(1.0, 1.0, 0.0, 0.0).unwrap();
+        let camera = Projection::from_camera(&intrinsics, &CamFromWorld::new(Matrix3x4::identity()).unwrap());
+        let e = ellipsoid([0.5, 0.2, -0.3], [1.0, 0.2, 4.0]);
+        for kind in BodyKind::ALL {
+            let body = Body { kind, ..Body::from(e) };
+            let expected = project_bounding_box(&camera, &body).unwrap().edges();
+            for (edge, point) in tangent_points(&body).unwrap().into_iter().enumerate() {
+                let at = body.center.coords + point;
+                assert!((at[edge % 2] / at.z - expected[edge]).abs() < 1e-12, "{kind:?} {edge}");
+            }
+            let turned_away = Body { center: Point3::new(1.0, 0.2, -4.0), ..body };
+            let across = Body { center: Point3::new(1.0, 0.2, 0.3), ..body };
+            assert!(tangent_points(&turned_away).is_none() && tangent_points(&across).is_none(), "{kind:?}");
         }
     }
 

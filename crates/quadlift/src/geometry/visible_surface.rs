@@ -30,7 +30,7 @@ pub fn visible_depth(projection: &Projection, bounding_box: &BoundingBox, body: 
 }
 
 /// Distance from the camera at which a ray (a unit vector) first meets a body.
-fn first_meeting(body: &Body, camera: &Point3<f64>, ray: &Vector3<f64>) -> Option<f64> {
+pub(crate) fn first_meeting(body: &Body, camera: &Point3<f64>, ray: &Vector3<f64>) -> Option<f64> {
     let to_local = body.rotation.inverse();
     let crossing = body.kind.crossing(&(to_local * (camera - body.center)), &(to_local * ray), &body.half_extents);
     crossing.map_or_else(|| searched_meeting(body, camera, ray), |[enter, leave]| (enter <= leave).then_some(enter))
@@ -62,7 +62,7 @@ mod tests {
         let (center, sizes) = (Point3::new(0.4, -0.2, 6.0), Vector3::new(2.0, 0.8, 0.5));
         let body = |kind| Body { center, half_extents: sizes, rotation, kind };
         let mut met = 0;
-        for body in [BodyKind::Ellipsoid, BodyKind::Cuboid].map(body) {
+        for body in [BodyKind::Ellipsoid, BodyKind::Cuboid, BodyKind::Cylinder].map(body) {
             for k in 0..400 {
                 let (x, y) = (f64::from(k % 20) - 9.7, f64::from(k / 20) - 9.3);
                 let ray = Vector3::new(0.05 * x, 0.05 * y, 1.0).normalize();

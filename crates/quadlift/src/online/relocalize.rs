@@ -6,7 +6,7 @@ use super::update::ObjectId;
 use crate::body_model::ellipsoid::shape_jacobian;
 use crate::geometry::Ellipsoid;
 use crate::relocalize::{Landmark, LandmarkMap, LocateOptions, LocateStatus, Query, Relocalization};
-use crate::solve::Matrix9;
+use crate::solve::{Covariance, CovarianceCoordinates, Matrix9};
 
 /// Where the camera of an image is in a map.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,10 +29,11 @@ pub(super) fn landmarks(memory: &Memory) -> (Vec<ObjectId>, LandmarkMap) {
             // From the center in units of the radius and the entries of D (see `Object::covariance`).
             let mut slopes = Matrix9::identity() * object.radius;
             slopes.fixed_view_mut::<6, 6>(3, 3).copy_from(&shape_jacobian(&object.root));
-            let covariance = slopes * object.covariance * slopes.transpose();
+            let matrix = slopes * object.covariance * slopes.transpose();
+            let coordinates = CovarianceCoordinates::CenterVechShape;
             let landmark = Landmark {
-                ellipsoid: Ellipsoid::from_shape(center, &shape).ok()?,
-                covariance: Some(covariance).filter(|c| c.iter().all(|x| x.is_finite())),
+                body: Ellipsoid::from_shape(center, &shape).ok()?.into(),
+                covariance: Some(Covariance { coordinates, matrix }).filter(|_| matrix.iter().all(|x| x.is_finite())),
                 category: most.and_then(|&(category, _)| memory.categories.names()[usize::from(category)].clone()),
             };
             Some((tracked.id, landmark))

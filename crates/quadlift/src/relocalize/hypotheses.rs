@@ -179,8 +179,7 @@ pub(super) fn starts(query: &PreparedQuery, groups: &Groups, round: usize, budge
 
 /// Whether the box of a landmark is about as measured.
 fn is_near(query: &PreparedQuery, pose: &Pose, candidate: &Candidate) -> bool {
-    let shape = query.map.shape(candidate.landmark);
-    let Some(predicted) = Predicted::new(pose, &query.map.center(candidate.landmark), shape) else { return false };
+    let Some(predicted) = Predicted::new(pose, &query.map.landmarks()[candidate.landmark].body) else { return false };
     predicted.is_within(&query.boxes[candidate.query_box], MAX_OFF)
 }
 

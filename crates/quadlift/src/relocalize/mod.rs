@@ -8,14 +8,15 @@
 //!
 //! ```
 //! use nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
-//! use quadlift::geometry::{CamFromWorld, Ellipsoid, Intrinsics, Projection, project_bounding_box};
+//! use quadlift::geometry::{Body, BodyKind, CamFromWorld, Intrinsics, Projection, project_bounding_box};
 //! use quadlift::relocalize::{Landmark, LandmarkMap, LocateOptions, LocateStatus, Query, QueryBox};
 //!
 //! let landmark = |x: f64, y: f64, z: f64, size: f64| Landmark {
-//!     ellipsoid: Ellipsoid {
+//!     body: Body {
 //!         center: Point3::new(x, y, z),
-//!         semi_axes: Vector3::new(size, 0.8 * size, 0.6 * size),
+//!         half_extents: Vector3::new(size, 0.8 * size, 0.6 * size),
 //!         rotation: Rotation3::identity(),
+//!         kind: BodyKind::Cuboid,
 //!     },
 //!     covariance: None,
 //!     category: Some(format!("thing {size}")),
@@ -30,7 +31,7 @@
 //! let truth = CamFromWorld::new(Matrix3x4::identity())?;
 //! let projection = Projection::from_camera(&intrinsics, &truth);
 //! let boxes = landmarks.iter().map(|landmark| {
-//!     let bounding_box = project_bounding_box(&projection, &landmark.ellipsoid)?;
+//!     let bounding_box = project_bounding_box(&projection, &landmark.body)?;
 //!     Ok(QueryBox { bounding_box, box_in_image: None, category: landmark.category.clone() })
 //! });
 //! let boxes = boxes.collect::<Result<Vec<_>, quadlift::geometry::ProjectionError>>()?;
@@ -50,24 +51,23 @@ mod hypotheses;
 #[cfg(test)]
 mod tests;
 
-use nalgebra::{Matrix3, Matrix6, Unit, Vector2, Vector3};
+use nalgebra::{Matrix6, Unit, Vector2, Vector3};
 
 pub use self::check::{CommonMistake, LocatedImage};
 use self::hypotheses::{Budget, Groups, MATCHED};
 use self::prepared::PreparedQuery;
 use crate::geometry::rigid::Pose;
-use crate::geometry::{BoundingBox, CamFromWorld, Ellipsoid, Intrinsics};
-use crate::solve::{Estimate, Matrix9, NoiseModel, Status};
+use crate::geometry::{Body, BoundingBox, CamFromWorld, Intrinsics};
+use crate::solve::{Covariance, Estimate, NoiseModel, Status};
 use crate::tuning::CLEAR;
 
 /// An object of the map whose place is known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Landmark {
     /// Its body, world frame.
-    pub ellipsoid: Ellipsoid,
-    /// Covariance of its center and of `vech` of its shape matrix A (see [`crate::solve::CovarianceCoordinates::CenterVechShape`]),
-    /// world frame and units; without one it counts as exact.
-    pub covariance: Option<Matrix9>,
+    pub body: Body,
+    /// Covariance of the body; without one it counts as exact.
+    pub covariance: Option<Covariance>,
     /// Boxes of other categories are not this object. Without one any box may be.
     pub category: Option<String>,
 }
@@ -221,19 +221,17 @@ const MAX_POSES: usize = 8;
 #[derive(Debug, Clone)]
 pub struct LandmarkMap {
     landmarks: Vec<Landmark>,
-    shapes: Vec<Matrix3<f64>>,
+    /// Of the closest ellipsoid of each, the smallest first.
+    squared_axes: Vec<[f64; 3]>,
     /// Diameter of the map, world units.
     extent: f64,
 }
 
 impl Landmark {
-    /// An object that was localized; `None` where it was not (its status is not [`Status::Ok`]). Of a body that is no ellipsoid, the
-    /// ellipsoid of the same reach.
+    /// An object that was localized; `None` where it was not (its status is not [`Status::Ok`]).
     pub fn from_estimate(estimate: &Estimate, category: Option<String>) -> Option<Self> {
         (estimate.status == Status::Ok).then_some(())?;
-        let ellipsoid = estimate.ellipsoid()?;
-        let covariance = estimate.covariance.as_ref().map(|of_body| of_body.in_center_vech_shape(&ellipsoid));
-        Some(Self { ellipsoid, covariance, category })
+        Some(Self { body: estimate.body?, covariance: estimate.covariance, category })
     }
 
     /// Whether a box of this category may show it.
@@ -256,11 +254,16 @@ impl LocateOptions {
 impl LandmarkMap {
     /// A map of these objects; those whose numbers are not finite are never found.
     pub fn new(landmarks: Vec<Landmark>) -> Self {
-        let shapes: Vec<_> = landmarks.iter().map(|landmark| landmark.ellipsoid.shape()).collect();
-        let finite = || landmarks.iter().map(|l| l.ellipsoid.center.coords).filter(|c| c.iter().all(|x| x.is_finite()));
+        let squared_axes = landmarks.iter().map(|landmark| {
+            let mut squares: [f64; 3] = landmark.body.ellipsoid().semi_axes.map(|x| x * x).into();
+            squares.sort_by(f64::total_cmp);
+            squares
+        });
+        let squared_axes = squared_axes.collect();
+        let finite = || landmarks.iter().map(|l| l.body.center.coords).filter(|c| c.iter().all(|x| x.is_finite()));
         let low = finite().reduce(|a, b| a.inf(&b)).unwrap_or_default();
         let high = finite().reduce(|a, b| a.sup(&b)).unwrap_or_default();
-        Self { extent: (high - low).norm(), shapes, landmarks }
+        Self { extent: (high - low).norm(), squared_axes, landmarks }
     }
 
     /// Its objects.

@@ -1,6 +1,6 @@
 //! An image's boxes in the coordinates of its camera, and which objects of the map they may show.
 
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 
 use super::{CameraHeight, Gravity, LandmarkMap, LocateOptions, Query};
 use crate::geometry::rigid::Pose;
@@ -162,11 +162,9 @@ const LOG_SIZES: f64 = 4.0;
 
 /// Of an ellipsoid at depth Z the squared half sizes of its box add up to the trace of its shape without the variance along the
 /// viewing direction, over Z squared (near the optical axis, seen from afar): whichever way it is turned, that lies between the sums of the two
-/// smaller and the two larger squared semi-axes.
+/// smaller and the two larger squared semi-axes. Other bodies reach about as far as their closest ellipsoids.
 fn candidate(map: &LandmarkMap, index: usize, landmark: usize, measured: &MeasuredBox) -> Option<Candidate> {
-    let ellipsoid = &map.landmarks[landmark].ellipsoid;
-    let mut squares: [f64; 3] = ellipsoid.semi_axes.map(|x| x * x).into();
-    squares.sort_by(f64::total_cmp);
+    let squares = map.squared_axes[landmark];
     let size = measured.half_size().norm();
     let depth = |square: f64| square.sqrt() / size;
     let depths = [
@@ -175,17 +173,13 @@ fn candidate(map: &LandmarkMap, index: usize, landmark: usize, measured: &Measur
         depth(squares[1] + squares[2]) * SLACK,
     ];
     let center = measured.center();
-    let usable = depths.iter().all(|d| d.is_finite() && *d > 0.0) && ellipsoid.center.iter().all(|x| x.is_finite());
+    let usable = depths.iter().all(|d| d.is_finite() && *d > 0.0) && map.center(landmark).iter().all(|x| x.is_finite());
     usable.then(|| Candidate { query_box: index, landmark, ray: Vector3::new(center.x, center.y, 1.0), depths })
 }
 
 impl LandmarkMap {
-    pub(super) fn shape(&self, landmark: usize) -> &Matrix3<f64> {
-        &self.shapes[landmark]
-    }
-
     pub(super) fn center(&self, landmark: usize) -> Vector3<f64> {
-        self.landmarks[landmark].ellipsoid.center.coords
+        self.landmarks[landmark].body.center.coords
     }
 
     pub(super) fn extent(&self) -> f64 {

@@ -1,12 +1,15 @@
 //! A pose that makes predicted boxes agree with measured ones: Levenberg-Marquardt over six parameters.
 
-use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
+use nalgebra::{Matrix6, Point3, Rotation3, SMatrix, Vector3, Vector6};
 
+use super::Landmark;
 use super::prepared::{MeasuredBox, PreparedQuery};
 use crate::geometry::rigid::Pose;
-use crate::geometry::{VECH3, box_of_outline, skew};
+use crate::geometry::visible_surface::first_meeting;
+use crate::geometry::{Body, VECH3, skew, tangent_points};
 use crate::optimize::levenberg_marquardt::{Equations, Problem, minimize};
 use crate::optimize::student_t::StudentT;
+use crate::solve::CovarianceCoordinates;
 
 /// Degrees of freedom of an edge's Student t distribution, as of `posterior`.
 pub(super) const DOF: f64 = 9.0;
@@ -23,9 +26,10 @@ fn moved(pose: &Pose, by: &Vector6<f64>) -> Pose {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Predicted {
     pub edges: [f64; 4],
-    pub center: Vector3<f64>,
-    /// `S - c c^T` of the shape and the center: the dual conic of the outline.
-    conic: Matrix3<f64>,
+    /// The body, in the frame of the camera.
+    pub body: Body,
+    /// Where the body touches the planes of the edges, in the frame of the camera.
+    points: [Vector3<f64>; 4],
     /// Variance of each edge from the errors of the landmark.
     variance: [f64; 4],
 }
@@ -33,26 +37,29 @@ pub(super) struct Predicted {
 impl Predicted {
     /// The box of a landmark. `None` where its body is not wholly in front of the camera.
     pub(super) fn of_landmark(query: &PreparedQuery, pose: &Pose, landmark: usize) -> Option<Self> {
-        let mut predicted = Self::new(pose, &query.map.center(landmark), query.map.shape(landmark))?;
-        if let Some(covariance) = &query.map.landmarks()[landmark].covariance {
-            let slopes = predicted.body_slopes(pose);
+        let Landmark { body, covariance, .. } = &query.map.landmarks()[landmark];
+        let mut predicted = Self::new(pose, body)?;
+        if let Some(covariance) = covariance {
+            let slopes = predicted.body_slopes(pose, covariance.coordinates);
             predicted.variance = std::array::from_fn(|edge| {
                 let slope = slopes.row(edge);
-                (slope * covariance).dot(&slope).max(0.0)
+                (slope * covariance.matrix).dot(&slope).max(0.0)
             });
         }
         Some(predicted)
     }
 
     /// The box of a body without errors. `None` where the body is not wholly in front of the camera.
-    pub(super) fn new(pose: &Pose, center: &Vector3<f64>, shape: &Matrix3<f64>) -> Option<Self> {
-        let center = pose.apply(center);
-        if center.z <= 0.0 {
+    pub(super) fn new(pose: &Pose, body: &Body) -> Option<Self> {
+        let center = pose.apply(&body.center.coords);
+        if center.z.is_nan() || center.z <= 0.0 {
             return None;
         }
-        let conic = pose.rotation * shape * pose.rotation.transpose() - center * center.transpose();
-        let edges = box_of_outline(&conic, center.z)?;
-        Some(Self { edges, center, conic, variance: [0.0; 4] })
+        let rotation = Rotation3::from_matrix_unchecked(pose.rotation * body.rotation.matrix());
+        let body = Body { center: center.into(), rotation, ..*body };
+        let points = tangent_points(&body)?.map(|point| center + point);
+        let edges = std::array::from_fn(|edge| points[edge][edge % 2] / points[edge].z);
+        Some(Self { edges, body, points, variance: [0.0; 4] })
     }
 
     /// Whether no edge is farther from that of a box than so many of the box's half sizes.
@@ -61,58 +68,62 @@ impl Predicted {
         (0..4).all(|edge| (self.edges[edge] - measured.edges[edge]).abs() < half_sizes * half[edge % 2])
     }
 
+    /// The normal l = (1, 0, -x) of the plane of an edge at x, over the depth of the point that touches it: how far the edge goes when that
+    /// point moves by a small vector is the product of both. Which point touches does not change that (the envelope theorem).
+    fn by_point(&self, edge: usize) -> Vector3<f64> {
+        let mut normal = Vector3::zeros();
+        normal[edge % 2] = 1.0;
+        normal[2] = -self.edges[edge];
+        normal / self.points[edge].z
+    }
+
     /// Derivatives of an edge by a motion of [`moved`].
     fn slope(&self, edge: usize) -> Vector6<f64> {
-        let (axis, x) = (edge % 2, self.edges[edge]);
-        // The edge is a line l = (1, 0, -x) with l^T conic l = 0.
-        let mut line = Vector3::zeros();
-        line[axis] = 1.0;
-        line[2] = -x;
-        let seen = self.conic * line;
-        // d(conic) = W conic + (W conic)^T for turns, -(v c^T + c v^T) for shifts; d(line) = -dx e_z.
-        let by_turn = seen.cross(&line) * 2.0;
-        let by_shift = line * (-2.0 * self.center.dot(&line));
-        let by_edge = -2.0 * seen[2];
-        let mut slope = Vector6::zeros();
-        slope.fixed_rows_mut::<3>(0).copy_from(&by_turn);
-        slope.fixed_rows_mut::<3>(3).copy_from(&by_shift);
-        slope / -by_edge
+        let by_point = self.by_point(edge);
+        let by_turn = self.points[edge].cross(&by_point);
+        Vector6::from_fn(|k, _| if k < 3 { by_turn[k] } else { by_point[k - 3] })
     }
 
     /// Where the outline touches an edge, in coordinates (X / Z, Y / Z).
     pub(super) fn touches(&self, edge: usize) -> Vector3<f64> {
-        let mut line = Vector3::zeros();
-        line[edge % 2] = 1.0;
-        line[2] = -self.edges[edge];
-        // The pole of the tangent line.
-        let seen = self.conic * line;
-        seen / seen.z
+        self.points[edge] / self.points[edge].z
+    }
+
+    /// Depth of the center.
+    pub(super) fn depth(&self) -> f64 {
+        self.body.center.z
     }
 
     /// Whether a point (X / Z, Y / Z, 1) is inside of the outline.
     pub(super) fn covers(&self, point: &Vector3<f64>) -> bool {
         let [x0, y0, x1, y1] = self.edges;
         let in_box = point.x > x0 && point.x < x1 && point.y > y0 && point.y < y1;
-        // The quadratic form of the outline has the sign that it has at the center.
-        in_box
-            && self.conic.try_inverse().is_some_and(|outline| point.dot(&(outline * point)) * self.conic[(2, 2)] > 0.0)
+        in_box && first_meeting(&self.body, &Point3::origin(), &point.normalize()).is_some()
     }
 
-    /// Derivatives of the edges by the body: center, and `vech` of the shape, in the world.
-    fn body_slopes(&self, pose: &Pose) -> SMatrix<f64, 4, 9> {
+    /// Derivatives of the edges by the body in the world, in the coordinates of its covariance.
+    fn body_slopes(&self, pose: &Pose, coordinates: CovarianceCoordinates) -> SMatrix<f64, 4, 9> {
         let mut slopes = SMatrix::zeros();
         for edge in 0..4 {
-            let mut line = Vector3::zeros();
-            line[edge % 2] = 1.0;
-            line[2] = -self.edges[edge];
-            // l^T conic l = m^T A m - (l . c)^2 with m = R^T l.
-            let m = pose.rotation.tr_mul(&line);
-            let by_edge = 2.0 * (self.conic * line)[2];
-            let along = -2.0 * self.center.dot(&line);
-            (0..3).for_each(|k| slopes[(edge, k)] = along * m[k] / by_edge);
-            for (k, &(i, j)) in VECH3.iter().enumerate() {
-                slopes[(edge, 3 + k)] = if i == j { m[i] * m[i] } else { 2.0 * m[i] * m[j] } / by_edge;
-            }
+            let by_point = self.by_point(edge);
+            let in_world = pose.rotation.tr_mul(&by_point);
+            let from_center = self.points[edge] - self.body.center.coords;
+            let of_shape: [f64; 6] = match coordinates {
+                // The support function is h = sqrt(n^T A n), the normal of length 1/Z with the sign that points outwards.
+                CovarianceCoordinates::CenterVechShape => VECH3.map(|(i, j)| {
+                    let twice = if i == j { 1.0 } else { 2.0 };
+                    twice * in_world[i] * in_world[j] / (2.0 * by_point.dot(&from_center))
+                }),
+                CovarianceCoordinates::CenterRotationLogAxes => {
+                    let to_body = self.body.rotation.inverse();
+                    let (point, normal) = (to_body * from_center, to_body * by_point);
+                    let by_turn = point.cross(&normal);
+                    let by_size = point.component_mul(&normal);
+                    std::array::from_fn(|k| if k < 3 { by_turn[k] } else { by_size[k - 3] })
+                }
+            };
+            (0..3).for_each(|k| slopes[(edge, k)] = in_world[k]);
+            (0..6).for_each(|k| slopes[(edge, 3 + k)] = of_shape[k]);
         }
         slopes
     }
@@ -209,8 +220,8 @@ pub(super) fn covariance(
     for of in matches {
         let Some(covariance) = &query.map.landmarks()[of.landmark].covariance else { continue };
         let predicted = Predicted::of_landmark(query, pose, of.landmark)?;
-        let of_body = predicted.body_slopes(pose);
-        let of_body = of_body * covariance * of_body.transpose();
+        let of_body = predicted.body_slopes(pose, covariance.coordinates);
+        let of_body = of_body * covariance.matrix * of_body.transpose();
         let edges = edge_residuals(query, &predicted, of);
         let slopes: [Option<Vector6<f64>>; 4] = std::array::from_fn(|edge| {
             let EdgeResidual { residual, sd } = edges[edge]?;
@@ -270,56 +281,76 @@ pub(super) fn refine(query: &PreparedQuery, start: Pose, matches: &[Match], step
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Ellipsoid, Intrinsics, Projection, project_bounding_box};
-    use nalgebra::{Point3, Rotation3};
+    use crate::geometry::{BodyKind, Ellipsoid, Intrinsics, Projection, project_bounding_box, vech3};
+    use nalgebra::Matrix3;
 
     fn pose() -> Pose {
         let rotation = *Rotation3::from_euler_angles(0.2, -0.3, 0.1).matrix();
         Pose { rotation, translation: Vector3::new(0.3, -0.2, 4.0) }
     }
 
-    fn body() -> Ellipsoid {
-        Ellipsoid {
+    fn body(kind: BodyKind) -> Body {
+        Body {
             center: Point3::new(0.4, 0.1, 0.3),
-            semi_axes: Vector3::new(0.7, 0.4, 0.2),
+            half_extents: Vector3::new(0.7, 0.4, 0.2),
             rotation: Rotation3::from_euler_angles(0.5, 0.1, -0.8),
+            kind,
         }
     }
 
     #[test]
     fn the_predicted_box_is_that_of_the_projection() {
-        let predicted = Predicted::new(&pose(), &body().center.coords, &body().shape()).unwrap();
         let intrinsics = Intrinsics::new(1.0, 1.0, 0.0, 0.0).unwrap();
         let projection = Projection::from_camera(&intrinsics, &pose().checked().unwrap());
-        let b = project_bounding_box(&projection, &body()).unwrap();
-        for (found, expected) in predicted.edges.into_iter().zip([b.x0, b.y0, b.x1, b.y1]) {
-            assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+        for body in BodyKind::ALL.map(body) {
+            let predicted = Predicted::new(&pose(), &body).unwrap();
+            let b = project_bounding_box(&projection, &body).unwrap();
+            for (found, expected) in predicted.edges.into_iter().zip(b.edges()) {
+                assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+            }
+            let behind = Pose { translation: -pose().translation, ..pose() };
+            assert!(Predicted::new(&behind, &body).is_none());
         }
-        let behind = Pose { translation: -pose().translation, ..pose() };
-        assert!(Predicted::new(&behind, &body().center.coords, &body().shape()).is_none());
     }
 
     #[test]
     fn outlines_touch_their_edges_and_cover_what_is_inside() {
-        let predicted = Predicted::new(&pose(), &body().center.coords, &body().shape()).unwrap();
-        let middle = predicted.center / predicted.center.z;
-        assert!(predicted.covers(&middle));
-        for edge in 0..4 {
-            let at = predicted.touches(edge);
-            assert!((at[edge % 2] - predicted.edges[edge]).abs() < 1e-12);
-            assert!(predicted.covers(&(middle + (at - middle) * 0.999)));
-            assert!(!predicted.covers(&(middle + (at - middle) * 1.001)));
+        for body in BodyKind::ALL.map(body) {
+            let predicted = Predicted::new(&pose(), &body).unwrap();
+            let middle = predicted.body.center.coords / predicted.depth();
+            assert!(predicted.covers(&middle));
+            for edge in 0..4 {
+                let at = predicted.touches(edge);
+                assert!((at[edge % 2] - predicted.edges[edge]).abs() < 1e-12);
+                assert!(predicted.covers(&(middle + (at - middle) * 0.97)), "{:?}", body.kind);
+                assert!(!predicted.covers(&(middle + (at - middle) * 1.001)));
+            }
+            let [x0, y0, x1, y1] = predicted.edges;
+            for (x, y) in [(x0, y0), (x1, y0), (x0, y1), (x1, y1)] {
+                assert!(!predicted.covers(&Vector3::new(x, y, 1.0)), "a corner of the box");
+            }
         }
-        let [x0, y0, x1, y1] = predicted.edges;
-        for (x, y) in [(x0, y0), (x1, y0), (x0, y1), (x1, y1)] {
-            assert!(!predicted.covers(&Vector3::new(x, y, 1.0)), "a corner of the box");
+    }
+
+    /// The derivatives of the edges by the body against differences of `moved_by`, the body with one coordinate changed.
+    fn check_body_slopes(body: Body, coordinates: CovarianceCoordinates, moved_by: impl Fn(usize, f64) -> Body) {
+        let edges = |k: usize, by: f64| Predicted::new(&pose(), &moved_by(k, by)).unwrap().edges;
+        let slopes = Predicted::new(&pose(), &body).unwrap().body_slopes(&pose(), coordinates);
+        for k in 0..9 {
+            let (above, below) = (edges(k, 1e-6), edges(k, -1e-6));
+            for edge in 0..4 {
+                let numeric = (above[edge] - below[edge]) / 2e-6;
+                let slope = slopes[(edge, k)];
+                assert!((numeric - slope).abs() < 1e-8, "{:?} {edge} {k}: {numeric} {slope}", body.kind);
+            }
         }
     }
 
     #[test]
     fn slopes_by_the_body_are_those_of_differences() {
-        let edges = |k: usize, by: f64| {
-            let (mut center, mut shape) = (body().center.coords, body().shape());
+        let given = body(BodyKind::Ellipsoid);
+        check_body_slopes(given, CovarianceCoordinates::CenterVechShape, |k, by| {
+            let (mut center, mut shape) = (given.center, given.inscribed().shape());
             if k < 3 {
                 center[k] += by;
             } else {
@@ -327,31 +358,36 @@ mod tests {
                 shape[(i, j)] += by;
                 shape[(j, i)] = shape[(i, j)];
             }
-            Predicted::new(&pose(), &center, &shape).unwrap().edges
-        };
-        let slopes = Predicted::new(&pose(), &body().center.coords, &body().shape()).unwrap().body_slopes(&pose());
-        for k in 0..9 {
-            let (above, below) = (edges(k, 1e-6), edges(k, -1e-6));
-            for edge in 0..4 {
-                let numeric = (above[edge] - below[edge]) / 2e-6;
-                assert!((numeric - slopes[(edge, k)]).abs() < 1e-8, "{edge} {k}: {numeric} {}", slopes[(edge, k)]);
-            }
+            assert!(k < 3 || (vech3(&shape) - vech3(&given.inscribed().shape())).amax() > 0.9e-6);
+            Ellipsoid::from_shape(center, &shape).unwrap().into()
+        });
+        for given in BodyKind::ALL.map(body) {
+            check_body_slopes(given, CovarianceCoordinates::CenterRotationLogAxes, |k, by| {
+                let step = Matrix3::identity().column(k % 3) * by;
+                let mut moved = given;
+                match k {
+                    0..3 => moved.center += step,
+                    3..6 => moved.rotation *= Rotation3::new(step),
+                    _ => moved.half_extents.component_mul_assign(&step.map(f64::exp)),
+                }
+                moved
+            });
         }
     }
 
     #[test]
     fn slopes_are_those_of_differences() {
-        let edges = |by: Vector6<f64>| {
-            Predicted::new(&moved(&pose(), &by), &body().center.coords, &body().shape()).unwrap().edges
-        };
-        let predicted = Predicted::new(&pose(), &body().center.coords, &body().shape()).unwrap();
-        for edge in 0..4 {
-            let slope = predicted.slope(edge);
-            for k in 0..6 {
-                let mut by = Vector6::zeros();
-                by[k] = 1e-6;
-                let numeric = (edges(by)[edge] - edges(-by)[edge]) / 2e-6;
-                assert!((numeric - slope[k]).abs() < 1e-8, "{edge} {k}: {numeric} {}", slope[k]);
+        for body in BodyKind::ALL.map(body) {
+            let edges = |by: Vector6<f64>| Predicted::new(&moved(&pose(), &by), &body).unwrap().edges;
+            let predicted = Predicted::new(&pose(), &body).unwrap();
+            for edge in 0..4 {
+                let slope = predicted.slope(edge);
+                for k in 0..6 {
+                    let mut by = Vector6::zeros();
+                    by[k] = 1e-6;
+                    let numeric = (edges(by)[edge] - edges(-by)[edge]) / 2e-6;
+                    assert!((numeric - slope[k]).abs() < 1e-8, "{edge} {k}: {numeric} {}", slope[k]);
+                }
             }
         }
     }

@@ -66,7 +66,7 @@ fn is_near(query: &PreparedQuery, query_box: usize, predicted: &Predicted) -> bo
 fn occluded_edges(predicted: &[Option<Predicted>], of: &Predicted) -> [bool; 4] {
     std::array::from_fn(|edge| {
         let at = of.touches(edge);
-        predicted.iter().flatten().any(|other| other.center.z < of.center.z && other.covers(&at))
+        predicted.iter().flatten().any(|other| other.depth() < of.depth() && other.covers(&at))
     })
 }
 
@@ -111,7 +111,7 @@ fn log_missed(query: &PreparedQuery, matches: &[Match], predicted: &[Option<Pred
         }
         let hides = |other: &Predicted| {
             let [a, b, c, d] = other.edges;
-            other.center.z < p.center.z && x > a && x < c && y > b && y < d
+            other.depth() < p.depth() && x > a && x < c && y > b && y < d
         };
         missed += usize::from(!predicted.iter().flatten().any(hides));
     }
@@ -192,14 +192,14 @@ mod tests {
     fn ball(x: f64, y: f64, z: f64, radius: f64) -> Landmark {
         let center = Point3::new(x, y, z);
         let ellipsoid = Ellipsoid { center, semi_axes: Vector3::repeat(radius), rotation: Rotation3::identity() };
-        Landmark { ellipsoid, covariance: None, category: None }
+        Landmark { body: ellipsoid.into(), covariance: None, category: None }
     }
 
     /// The box of a ball, with edges that are off by some pixels.
     fn seen(ball: &Landmark, off: [f64; 4]) -> QueryBox {
         let intrinsics = Intrinsics::new(1000.0, 1000.0, 640.0, 360.0).unwrap();
         let projection = Projection::from_camera(&intrinsics, &pose().checked().unwrap());
-        let exact = project_bounding_box(&projection, &ball.ellipsoid).unwrap().edges();
+        let exact = project_bounding_box(&projection, &ball.body).unwrap().edges();
         let bounding_box = BoundingBox::new(std::array::from_fn(|k| exact[k] + off[k])).unwrap();
         QueryBox { bounding_box, box_in_image: None, category: None }
     }

@@ -35,6 +35,30 @@ impl Shape for Cylinder {
         2.0 * std::f64::consts::PI * half.x * half.y * half.z
     }
 
+    /// Within the base, and between bottom and top.
+    fn crossing(&self, from: &Vector3<f64>, along: &Vector3<f64>, half: &Vector3<f64>) -> Option<[f64; 2]> {
+        const NOWHERE: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
+        let (o, v) = (from.xy().component_div(&half.xy()), along.xy().component_div(&half.xy()));
+        let (a, b, c) = (v.norm_squared(), o.dot(&v), o.norm_squared() - 1.0);
+        let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
+        if a > 0.0 {
+            let root = (b * b - a * c).sqrt();
+            if root.is_nan() {
+                return Some(NOWHERE);
+            }
+            (enter, leave) = ((-b - root) / a, (-b + root) / a);
+        } else if c > 0.0 {
+            return Some(NOWHERE);
+        }
+        if along.z != 0.0 {
+            let (bottom, top) = ((-half.z - from.z) / along.z, (half.z - from.z) / along.z);
+            (enter, leave) = (enter.max(bottom.min(top)), leave.min(bottom.max(top)));
+        } else if from.z.abs() > half.z {
+            return Some(NOWHERE);
+        }
+        Some([enter, leave])
+    }
+
     /// Bottom and top rim, then the middle of bottom and top. Without normals, as a cuboid's, its faces may be shaded flat.
     fn mesh(&self) -> Mesh {
         let rim = |z: f64| {
