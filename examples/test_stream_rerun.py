@@ -109,7 +109,7 @@ class StreamRerun(unittest.TestCase):
             sizes, centers = rows(chunks, entity, "Ellipsoids3D:half_sizes"), rows(chunks, entity, "Ellipsoids3D:centers")
             self.assertTrue(1 < len(sizes) <= len(frames) + 1, f"{entity} is logged when it changes: {len(sizes)}")
             # Where the objects are in the end; the map file has better estimates of the same objects.
-            expected = read(folder / "shown.json")["objects"][number - 1]["ellipsoid"]["center"]
+            expected = read(folder / "shown.json")["objects"][number - 1]["body"]["center"]
             np.testing.assert_allclose(centers[-1][1][0], expected, atol=0.3)
             (_, [label]), (_, [colors[f"object_{number:04}"]]) = (
                 rows(chunks, entity, "Ellipsoids3D:labels")[-1], rows(chunks, entity, "Ellipsoids3D:colors")[-1])

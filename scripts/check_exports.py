@@ -34,7 +34,7 @@ def rotation(wxyz):
 
 def bounds(ellipsoid, turn=np.eye(3)):
     """The box around an ellipsoid after a turn of the world, by its shape matrix."""
-    axes = turn @ rotation(ellipsoid["rotation"]) * ellipsoid["semi_axes"]
+    axes = turn @ rotation(ellipsoid["rotation"]) * ellipsoid["half_extents"]
     reach = np.linalg.norm(axes, axis=1)
     center = turn @ np.array(ellipsoid["center"])
     return np.array([center - reach, center + reach])
@@ -50,11 +50,11 @@ def check_ply(path, objects):
     assert isinstance(mesh, trimesh.Trimesh), type(mesh)
     assert mesh.vertices.shape == (ROUNDED_VERTICES * len(objects), 3), mesh.vertices.shape
     assert mesh.visual.vertex_colors.shape == (len(mesh.vertices), 4)
-    all_bounds = np.array([bounds(o["ellipsoid"]) for o in objects])
+    all_bounds = np.array([bounds(o["body"]) for o in objects])
     expected = np.array([all_bounds[:, 0].min(axis=0), all_bounds[:, 1].max(axis=0)])
     close_to(mesh.bounds, expected, all_bounds[:, 1] - all_bounds[:, 0])
     # Closed bodies whose faces look outwards.
-    volume = sum(4 / 3 * np.pi * np.prod(o["ellipsoid"]["semi_axes"]) for o in objects)
+    volume = sum(4 / 3 * np.pi * np.prod(o["body"]["half_extents"]) for o in objects)
     assert mesh.is_watertight and 0.97 * volume < mesh.volume < volume, (mesh.volume, volume)
     print(f"PLY: {len(mesh.vertices)} vertices, bounds {mesh.bounds.tolist()}")
 
@@ -66,7 +66,7 @@ def check_glb(path, objects, turn):
         mesh = scene.geometry[name]
         points = trimesh.transform_points(mesh.vertices, transform)
         assert len(points) == ROUNDED_VERTICES, len(points)
-        expected = bounds(o["ellipsoid"], turn)
+        expected = bounds(o["body"], turn)
         close_to(np.array([points.min(axis=0), points.max(axis=0)]), expected, expected[1] - expected[0])
         assert mesh.visual.material.alphaMode == "BLEND"
     # trimesh keeps no `extras` of nodes: the JSON of the file has them.
@@ -124,8 +124,8 @@ def check_bop(path, scene, estimate):
         r = np.array([float(x) for x in row["R"].split()]).reshape(3, 3)
         t = np.array([float(x) for x in row["t"].split()])
         pose = np.array(frame["cam_from_world"])
-        assert np.allclose(r, pose[:, :3] @ rotation(o["ellipsoid"]["rotation"]), atol=1e-9)
-        assert np.allclose(t, 1000 * (pose @ [*o["ellipsoid"]["center"], 1]), atol=1e-6)
+        assert np.allclose(r, pose[:, :3] @ rotation(o["body"]["rotation"]), atol=1e-9)
+        assert np.allclose(t, 1000 * (pose @ [*o["body"]["center"], 1]), atol=1e-6)
     print(f"BOP: {len(rows)} poses")
 
 
@@ -147,9 +147,9 @@ def check_geojson(path, objects, origin):
         covariance = np.array(o["covariance"]["matrix"])[:3, :3]
         found = np.array(to_tangent.transform(point["geometry"].x, point["geometry"].y, point["geometry"].z))
         # Coordinates are rounded to a tenth of a millimeter.
-        assert np.abs(found - o["ellipsoid"]["center"]).max() < 2e-4, (found, o["ellipsoid"]["center"])
+        assert np.abs(found - o["body"]["center"]).max() < 2e-4, (found, o["body"]["center"])
         assert np.allclose([point[f"sd_{axis}"] for axis in ("east", "north", "up")], np.sqrt(np.diag(covariance)), atol=1e-6)
-        box = bounds(o["ellipsoid"])
+        box = bounds(o["body"])
         assert abs(point["height"] - (box[1] - box[0])[2]) < 1e-4
         assert ellipse["geometry"].is_valid and ellipse["geometry"].exterior.is_ccw
         ring = np.array([to_tangent.transform(*corner) for corner in ellipse["geometry"].exterior.coords])[:, :2]
@@ -178,7 +178,7 @@ def main():
         run(quadlift, "localize", scene_path, "-o", estimate_path, "--body", "ellipsoid")
         estimate = json.loads(estimate_path.read_text())
         objects = estimate["objects"]
-        assert len(objects) == 8 and not any("cuboid" in o or "superellipsoid" in o for o in objects)
+        assert len(objects) == 8 and all(o["body"]["kind"] == "ellipsoid" for o in objects)
 
         def export(kind, *options):
             path = folder / f"out.{kind}"
@@ -207,7 +207,7 @@ def main():
             rows = list(csv.DictReader(file))
         for row, o in zip(rows, objects, strict=True):
             half = [float(row[f"half_extent_{k}"]) for k in (1, 2, 3)]
-            assert half == o["ellipsoid"]["semi_axes"] and row["object"] == o["id"], row
+            assert half == o["body"]["half_extents"] and row["object"] == o["id"], row
         print(f"CSV: {len(rows)} objects")
 
 

@@ -346,13 +346,13 @@ def numbers(value):
 
 
 def largest_difference(found, expected):
-    """The largest difference of centers and semi-axes, relative to the sizes of the objects and their distances."""
+    """The largest difference of centers and half extents, relative to the sizes of the objects and their distances."""
     assert found.keys() == expected.keys(), (found.keys(), expected.keys())
     largest = 0.0
     for name, o in expected.items():
-        a, b = o["ellipsoid"], found[name]["ellipsoid"]
+        a, b = o["body"], found[name]["body"]
         center = np.linalg.norm(np.subtract(a["center"], b["center"])) / max(1.0, np.linalg.norm(a["center"]))
-        axes = np.abs(np.sort(a["semi_axes"]) - np.sort(b["semi_axes"])).max() / max(a["semi_axes"])
+        axes = np.abs(np.sort(a["half_extents"]) - np.sort(b["half_extents"])).max() / max(a["half_extents"])
         largest = max(largest, center, axes)
     return largest
 
@@ -700,7 +700,7 @@ def check_export(quadlift, folder, scene, estimate_path):
     path, log = folder / "timed.json", folder / "objects.mcap"
     path.write_text(json.dumps(estimate))
     print(run(quadlift, "export", "mcap", path, "-o", log, "--frame-id", "world").splitlines()[0])
-    objects = {o["id"]: o for o in estimate["objects"] if "ellipsoid" in o}
+    objects = {o["id"]: o for o in estimate["objects"] if "body" in o}
 
     def plain(value):
         if hasattr(value, "__slots__") or hasattr(value, "__dataclass_fields__"):
@@ -727,12 +727,12 @@ def check_export(quadlift, folder, scene, estimate_path):
         assert time == max(times) == stamp(all_objects["header"]) and all_objects["header"]["frame_id"] == "world"
         assert [d["id"] for d in all_objects["detections"]] == list(objects)
         for d in all_objects["detections"]:
-            body = objects[d["id"]]["ellipsoid"]
+            body = objects[d["id"]]["body"]
             [result] = d["results"]
             for pose in (d["bbox"]["center"], result["pose"]["pose"]):
                 assert [pose["position"][k] for k in "xyz"] == body["center"], (pose, body)
                 assert np.allclose([pose["orientation"][k] for k in "wxyz"], body["rotation"], rtol=0, atol=1e-15)
-            assert np.allclose([d["bbox"]["size"][k] for k in "xyz"], 2 * np.array(body["semi_axes"]), rtol=1e-15)
+            assert np.allclose([d["bbox"]["size"][k] for k in "xyz"], 2 * np.array(body["half_extents"]), rtol=1e-15)
             scores = [x["score"] for x in scene["detections"] if x.get("object") == d["id"]]
             assert np.isclose(result["hypothesis"]["score"], np.mean(scores), rtol=1e-12)
             covariance = np.array(result["pose"]["covariance"]).reshape(6, 6)
@@ -747,8 +747,8 @@ def check_export(quadlift, folder, scene, estimate_path):
         spheres = [m for m in markers["markers"] if m["ns"] == "objects"]
         assert time == min(times) and [m["type"] for m in spheres] == [2] * len(objects)
         for marker, o in zip(spheres, objects.values(), strict=True):
-            assert np.allclose([marker["scale"][k] for k in "xyz"], 2 * np.array(o["ellipsoid"]["semi_axes"]), rtol=1e-15)
-            assert [marker["pose"]["position"][k] for k in "xyz"] == o["ellipsoid"]["center"]
+            assert np.allclose([marker["scale"][k] for k in "xyz"], 2 * np.array(o["body"]["half_extents"]), rtol=1e-15)
+            assert [marker["pose"]["position"][k] for k in "xyz"] == o["body"]["center"]
         boxes = [
             [b["center"]["position"]["x"], b["center"]["position"]["y"], b["size_x"], b["size_y"]]
             for _, m in topics["/camera/detections"]

@@ -29,7 +29,7 @@ fn cues(options: &SyntheticOptions) -> Vec<(&'static str, Scene)> {
         let mut parts = made.scene.clone().into_parts();
         let frames = parts.frames.clone();
         for (index, detection) in parts.detections.iter_mut().enumerate() {
-            let body = body_of(index, detection).unwrap().ellipsoid();
+            let body = body_of(index, detection).unwrap().closest_ellipsoid();
             let seen = project_ellipsoid(&frames[detection.frame_index as usize].projection, &body).unwrap();
             // Too small and too large in turns.
             let factor = 1.0 + 0.05 * (index % 3) as f64 - 0.05;

@@ -171,7 +171,7 @@ def lfd(projections: Floats, boxes: Floats) -> tuple[Floats, Floats, Floats] | N
 
 def bodies(estimates: quadlift.Estimates) -> list[tuple[Floats, Floats, Floats] | None]:
     """Center, semi-axes and quaternion of each object."""
-    rows = zip(estimates.ok, estimates.centers, estimates.semi_axes, estimates.quaternions, strict=True)
+    rows = zip(estimates.ok, estimates.centers, estimates.closest_ellipsoids(), estimates.quaternions, strict=True)
     return [(center, axes, rotation) if ok else None for ok, center, axes, rotation in rows]
 
 

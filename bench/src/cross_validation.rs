@@ -120,7 +120,7 @@ fn thinned(scene: &Scene, source: &str, options: &LocalizeOptions, views: usize)
 
 /// The objects of a scene of which views could be left out, paired by id with the truth.
 fn pairs(set: &Set, scene: &TrueScene, source: &str, views: Option<usize>) -> Result<Vec<Pair>, Error> {
-    let options = LocalizeOptions { source: Some(source.to_owned()), ..set.options.clone() };
+    let options = LocalizeOptions { source: Some(source.to_owned()), enclosing: true, ..set.options.clone() };
     let scene = match views {
         Some(views) => TrueScene { scene: thinned(&scene.scene, source, &options, views)?, ..scene.clone() },
         None => scene.clone(),
@@ -135,7 +135,7 @@ fn pairs(set: &Set, scene: &TrueScene, source: &str, views: Option<usize>) -> Re
         let scores = evaluate(&estimated, &truth, &[], PairedBy::Ids).objects;
         let sizes: Vec<f64> = object.predictions.iter().map(|p| p.measured.mean_half_size()).collect();
         let deviation =
-            estimate.center_sd().zip(estimate.ellipsoid()).map(|(sd, e)| -sd / e.semi_axes.product().cbrt());
+            estimate.center_sd().zip(estimate.closest_ellipsoid()).map(|(sd, e)| -sd / e.semi_axes.product().cbrt());
         if let (Some(left_out), Some(truth), Some(residual), Some(size), Some(deviation)) = (
             object.iou(),
             scores.first().and_then(|score| set.measure.of(score)),

@@ -66,7 +66,8 @@ impl TrueScene {
     /// # Errors
     /// [`Error::Localize`] if the options do not fit the scene.
     pub fn scores(&self, options: &LocalizeOptions) -> Result<Vec<ObjectScore>, Error> {
-        Ok(self.scores_of(&localize(&self.scene, options)?))
+        let options = LocalizeOptions { enclosing: true, ..options.clone() };
+        Ok(self.scores_of(&localize(&self.scene, &options)?))
     }
 
     /// The scores of a localization of the scene, of the objects that [`Self::scores`] counts.
@@ -86,10 +87,8 @@ pub fn estimated_objects(scene: &Scene, localization: &Localization) -> Vec<Esti
         id: scene.object_ids[estimate.object_index].clone(),
         status: estimate.status.name().to_owned(),
         center: estimate.center,
-        ellipsoid: estimate.ellipsoid(),
-        enclosing_ellipsoid: estimate.enclosing_ellipsoid(),
-        cuboid: estimate.cuboid(),
-        enclosing_cuboid: None,
+        body: estimate.body,
+        enclosing: estimate.enclosing,
     };
     localization.estimates.iter().map(object).collect()
 }

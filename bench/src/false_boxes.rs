@@ -132,7 +132,7 @@ fn verdict(scene: &SyntheticScene, estimate: &Estimate) -> (bool, bool) {
     let truth = &scene.truth[estimate.object_index].1;
     let Some(center) = estimate.center else { return (true, false) };
     let error = center - truth.center();
-    let far = error.norm() > truth.ellipsoid().semi_axes.product().cbrt();
+    let far = error.norm() > truth.closest_ellipsoid().semi_axes.product().cbrt();
     let covariance = estimate.covariance.map(|c| c.matrix.fixed_view::<3, 3>(0, 0).into_owned());
     let squared = covariance.and_then(|c| Some((error.transpose() * c.try_inverse()? * error)[0]));
     (far && squared.is_none_or(|squared| squared > 25.0), !far)

@@ -112,7 +112,7 @@ pub(crate) fn true_scene(options: &SyntheticOptions) -> Result<TrueScene, Error>
     let synthetic = generate(options)?;
     let object = |(id, body): (String, quadlift::geometry::Body)| TruthObject {
         id,
-        ellipsoid: Some(body.ellipsoid()),
+        ellipsoid: Some(body.closest_ellipsoid()),
         cuboid: None,
     };
     let truth = synthetic.truth.into_iter().map(object).collect();

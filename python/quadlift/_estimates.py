@@ -21,12 +21,10 @@ if TYPE_CHECKING:
 
 _SHAPES = {
     "centers": (3,),
-    "semi_axes": (3,),
-    "enclosing_semi_axes": (3,),
-    "enclosing_centers": (3,),
-    "enclosing_quaternions": (4,),
-    "body_axes": (3,),
-    "enclosing_body_axes": (3,),
+    "half_extents": (3,),
+    "half_extents_sd": (3,),
+    "rotation_sd_deg": (2,),
+    "closest_ellipsoids": (3,),
     "quaternions": (4,),
     "rotations": (3, 3),
     "covariances": (9, 9),
@@ -62,18 +60,21 @@ class Alternative:
 
     Attributes
     ----------
+    kind : str
+        Its kind.
     center : ndarray, shape (3,)
         Its center in the world.
-    body_axes : ndarray, shape (3,)
-        Half extents of the body, which is of the kind of the object (semi-axes of a superellipsoid).
+    half_extents : ndarray, shape (3,)
+        Its half extents.
     quaternion : ndarray, shape (4,)
         Its rotation, world from object: a unit quaternion, w first.
     log_odds : float
         Log odds against the reported body (natural logarithm): -2 means e^2 = 7.4 times less probable.
     """
 
+    kind: str
     center: NDArray[np.float64]
-    body_axes: NDArray[np.float64]
+    half_extents: NDArray[np.float64]
     quaternion: NDArray[np.float64]
     log_odds: float
 
@@ -88,11 +89,12 @@ class Estimate:
         The object, as given.
     category : str or None
     status : str
-    center, semi_axes, enclosing_semi_axes, enclosing_center : ndarray, shape (3,)
-    quaternion, enclosing_quaternion : ndarray, shape (4,)
+    kind : str or None
+    center, half_extents, half_extents_sd : ndarray, shape (3,)
+    quaternion : ndarray, shape (4,)
     rotation : ndarray, shape (3, 3)
-    body_kind : str or None
-    body_axes, enclosing_body_axes : ndarray, shape (3,)
+    rotation_sd_deg : ndarray, shape (2,)
+    yaw_deg : float
     covariance : ndarray, shape (9, 9)
     covariance_coordinates : str or None
     center_sd : float
@@ -107,16 +109,14 @@ class Estimate:
     id: int | str
     category: str | None
     status: str
+    kind: str | None
     center: NDArray[np.float64]
-    semi_axes: NDArray[np.float64]
+    half_extents: NDArray[np.float64]
+    half_extents_sd: NDArray[np.float64]
     quaternion: NDArray[np.float64]
     rotation: NDArray[np.float64]
-    enclosing_semi_axes: NDArray[np.float64]
-    enclosing_center: NDArray[np.float64]
-    enclosing_quaternion: NDArray[np.float64]
-    body_kind: str | None
-    body_axes: NDArray[np.float64]
-    enclosing_body_axes: NDArray[np.float64]
+    rotation_sd_deg: NDArray[np.float64]
+    yaw_deg: float
     covariance: NDArray[np.float64]
     covariance_coordinates: str | None
     center_sd: float
@@ -151,16 +151,14 @@ class EstimateArrays:
     object_ids: NDArray[Any]
     categories: list[str | None]
     status: NDArray[np.str_]
+    kinds: list[str | None]
     centers: NDArray[np.float64]
-    semi_axes: NDArray[np.float64]
+    half_extents: NDArray[np.float64]
+    half_extents_sd: NDArray[np.float64]
     quaternions: NDArray[np.float64]
     rotations: NDArray[np.float64]
-    enclosing_semi_axes: NDArray[np.float64]
-    enclosing_centers: NDArray[np.float64]
-    enclosing_quaternions: NDArray[np.float64]
-    body_kinds: list[str | None]
-    body_axes: NDArray[np.float64]
-    enclosing_body_axes: NDArray[np.float64]
+    rotation_sd_deg: NDArray[np.float64]
+    yaw_deg: NDArray[np.float64]
     covariances: NDArray[np.float64]
     covariance_coordinates: list[str | None]
     center_sd: NDArray[np.float64]
@@ -218,16 +216,14 @@ class EstimateArrays:
             object_ids=object_ids[order],
             categories=items("categories"),
             status=np.array(items("status"), dtype=np.str_),
+            kinds=items("kinds"),
             centers=rows("centers"),
-            semi_axes=rows("semi_axes"),
+            half_extents=rows("half_extents"),
+            half_extents_sd=rows("half_extents_sd"),
             quaternions=rows("quaternions"),
             rotations=rows("rotations"),
-            enclosing_semi_axes=rows("enclosing_semi_axes"),
-            enclosing_centers=rows("enclosing_centers"),
-            enclosing_quaternions=rows("enclosing_quaternions"),
-            body_kinds=items("body_kinds"),
-            body_axes=rows("body_axes"),
-            enclosing_body_axes=rows("enclosing_body_axes"),
+            rotation_sd_deg=rows("rotation_sd_deg"),
+            yaw_deg=rows("yaw_deg"),
             covariances=rows("covariances"),
             covariance_coordinates=items("covariance_coordinates"),
             center_sd=rows("center_sd"),
@@ -310,16 +306,14 @@ class EstimateArrays:
             id=self.object_ids[row].item(),
             category=self.categories[row],
             status=str(self.status[row]),
+            kind=self.kinds[row],
             center=self.centers[row],
-            semi_axes=self.semi_axes[row],
+            half_extents=self.half_extents[row],
+            half_extents_sd=self.half_extents_sd[row],
             quaternion=self.quaternions[row],
             rotation=self.rotations[row],
-            enclosing_semi_axes=self.enclosing_semi_axes[row],
-            enclosing_center=self.enclosing_centers[row],
-            enclosing_quaternion=self.enclosing_quaternions[row],
-            body_kind=self.body_kinds[row],
-            body_axes=self.body_axes[row],
-            enclosing_body_axes=self.enclosing_body_axes[row],
+            rotation_sd_deg=self.rotation_sd_deg[row],
+            yaw_deg=float(self.yaw_deg[row]),
             covariance=self.covariances[row],
             covariance_coordinates=self.covariance_coordinates[row],
             center_sd=float(self.center_sd[row]),
@@ -346,32 +340,41 @@ class EstimateArrays:
     def __reduce__(self) -> Any:
         raise TypeError("estimates cannot be pickled; hand over to_arrow(), to_pandas(), to_scene() or their arrays")
 
+    def closest_ellipsoids(self) -> NDArray[np.float64]:
+        """Semi-axes of the ellipsoids that reach about as far as the bodies in all directions, shape (N, 3).
+
+        Center and rotation are those of the body; an ellipsoid is its own closest one.
+        """
+        found: dict[str, Any] = self._localized.arrays()
+        values: NDArray[np.float64] = found["closest_ellipsoids"].reshape(len(self), 3)
+        places = {str(name): row for row, name in enumerate(found["object_ids"])}
+        return values[[places[str(name)] for name in self.object_ids.tolist()]]
+
     def to_pandas(self) -> pandas.DataFrame:
         """A table with one row per object; needs pandas.
 
         Returns
         -------
         pandas.DataFrame
-            Columns `object`, `category`, `status`, `x`, `y`, `z`, `semi_axis_0` to `_2`, `qw`, `qx`, `qy`, `qz`,
-            `enclosing_semi_axis_0` to `_2`, `enclosing_x`, `enclosing_y`, `enclosing_z`, `enclosing_qw`,
-            `enclosing_qx`, `enclosing_qy`, `enclosing_qz`, `center_sd`, `views_used`, `rms_residual_px`.
+            Columns `object`, `category`, `kind`, `center_x` to `center_z`, `half_extent_1` to `_3`, `half_extent_1_sd`
+            to `_3_sd`, `yaw_deg`, `yaw_sd_deg`, `center_sd`, `views`, `status` and `warnings` (one text). Yaws are
+            about the scene's ``up``, NaN without it.
         """
         try:
             import pandas as pd
         except ImportError as error:
             raise ImportError("to_pandas needs pandas: pip install pandas") from error
-        columns: dict[str, Any] = {"object": self.object_ids, "category": self.categories, "status": self.status}
-        columns |= {name: self.centers[:, k] for k, name in enumerate("xyz")}
-        columns |= {f"semi_axis_{k}": self.semi_axes[:, k] for k in range(3)}
-        columns |= {name: self.quaternions[:, k] for k, name in enumerate(("qw", "qx", "qy", "qz"))}
-        columns |= {f"enclosing_semi_axis_{k}": self.enclosing_semi_axes[:, k] for k in range(3)}
-        columns |= {f"enclosing_{name}": self.enclosing_centers[:, k] for k, name in enumerate("xyz")}
-        quaternion = ("qw", "qx", "qy", "qz")
-        columns |= {f"enclosing_{name}": self.enclosing_quaternions[:, k] for k, name in enumerate(quaternion)}
+        columns: dict[str, Any] = {"object": self.object_ids, "category": self.categories, "kind": self.kinds}
+        columns |= {f"center_{name}": self.centers[:, k] for k, name in enumerate("xyz")}
+        columns |= {f"half_extent_{k + 1}": self.half_extents[:, k] for k in range(3)}
+        columns |= {f"half_extent_{k + 1}_sd": self.half_extents_sd[:, k] for k in range(3)}
         columns |= {
+            "yaw_deg": self.yaw_deg,
+            "yaw_sd_deg": np.where(np.isnan(self.yaw_deg), np.nan, self.rotation_sd_deg[:, 0]),
             "center_sd": self.center_sd,
-            "views_used": self.views_used,
-            "rms_residual_px": self.rms_residuals,
+            "views": self.views_used,
+            "status": self.status,
+            "warnings": ["; ".join(texts) for texts in self.warnings],
         }
         return pd.DataFrame(columns)
 
@@ -381,9 +384,9 @@ class EstimateArrays:
         Returns
         -------
         pyarrow.Table
-            Columns `object`, `category`, `status`, `center`, `semi_axes`, `quaternion`, `enclosing_semi_axes`,
-            `enclosing_center`, `enclosing_quaternion` and `covariance` (lists of 3, 3, 4, 3, 3, 4 and 81 numbers; null
-            for none), `center_sd`, `views_used`, `rms_residual_px`.
+            Columns `object`, `category`, `status`, `kind`, `center`, `half_extents`, `half_extents_sd`, `quaternion`
+            and `covariance` (lists of 3, 3, 3, 4 and 81 numbers; null for none), `center_sd`, `views_used`,
+            `rms_residual_px`.
         """
         from ._arrow import pa
 
@@ -402,12 +405,11 @@ class EstimateArrays:
                 "object": pa.array(self.object_ids),
                 "category": pa.array(self.categories, pa.string()),
                 "status": pa.array(self.status, pa.string()),
+                "kind": pa.array(self.kinds, pa.string()),
                 "center": lists(self.centers),
-                "semi_axes": lists(self.semi_axes),
+                "half_extents": lists(self.half_extents),
+                "half_extents_sd": lists(self.half_extents_sd),
                 "quaternion": lists(self.quaternions),
-                "enclosing_semi_axes": lists(self.enclosing_semi_axes),
-                "enclosing_center": lists(self.enclosing_centers),
-                "enclosing_quaternion": lists(self.enclosing_quaternions),
                 "covariance": lists(self.covariances),
                 "center_sd": numbers(self.center_sd),
                 "views_used": pa.array(self.views_used),
@@ -416,8 +418,8 @@ class EstimateArrays:
         )
 
 
-def _alternative(center: list[float], axes: list[float], quaternion: list[float], log_odds: float) -> Alternative:
-    return Alternative(np.array(center), np.array(axes), np.array(quaternion), log_odds)
+def _alternative(kind: str, center: list[float], half: list[float], turn: list[float], log_odds: float) -> Alternative:
+    return Alternative(kind, np.array(center), np.array(half), np.array(turn), log_odds)
 
 
 @dataclass(frozen=True)
@@ -442,7 +444,7 @@ class Evaluation:
     ----------
     objects : list of dict
         For each true object: `id`, `estimate`, `status`, `has_body`, and the scores `iou3d`, `iou3d_enclosing`,
-        `cuboid_iou3d`, `cuboid_iou3d_enclosing`, `axis_error`, `theta_err`, `rotation_error`, `center_error`,
+        `cuboid_iou3d`, `axis_error`, `theta_err`, `rotation_error`, `center_error`,
         `size_error`, `ellipse_reprojection_iou`, `box_reprojection_iou`; None if there is nothing to compare.
     mean : dict
         Means of these scores over the objects that have them; empty if only the association is scored.

@@ -85,7 +85,7 @@ class ExportOptions(TypedDict, total=False):
     """Options of `Scene.export`."""
 
     enclosing: bool
-    """Export the enclosing bodies, which contain the real objects, instead of the tangent ones."""
+    """Export the ellipsoids around the objects (of localize with enclosing) instead of the bodies."""
     frusta: float
     """PLY, glTF: depth of the camera frusta, world units; 0 for none. Default: a tenth of the objects' distance."""
     only_detected: bool

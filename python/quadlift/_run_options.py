@@ -61,6 +61,9 @@ class RunOptions(TypedDict, total=False):
     cross_validate: bool
     """Leave out each view of each object, predict its box from the others, and report the agreement: a measure of
     quality without ground truth. Takes several times as long; the summary always checks a sample of views."""
+    enclosing: bool
+    """Add to each object the ellipsoid that encloses it, parts of which may lie outside of its body: that of the
+    paper's tables."""
     seed: int
     """Seed of the random numbers. Default: 0."""
     allow_inconsistent: bool
@@ -87,6 +90,7 @@ RUN_KINDS = {
     "pose_noise": "numbers",
     "noise_model": "levels",
     "cross_validate": "flag",
+    "enclosing": "flag",
     "seed": "whole",
     "allow_inconsistent": "flag",
 }

@@ -243,23 +243,23 @@ class Estimates(EstimateArrays, Relocalizes):
         ``"ok"``, ``"inconsistent"``, ``"not_an_ellipsoid"``, ``"too_few_views"``, ``"degenerate"`` or ``"diverged"``.
     centers : ndarray, shape (N, 3)
         Centers in the world, if known.
-    semi_axes : ndarray, shape (N, 3)
-        Semi-axes of the tangent ellipsoid, world units.
+    kinds : list of str or None, length N
+        The kind of body of each object: ``"ellipsoid"``, ``"cuboid"``, ``"cylinder"`` or ``"superellipsoid:Q"``.
+    half_extents : ndarray, shape (N, 3)
+        Half the extents of the bodies along their axes, world units: the semi-axes of an ellipsoid or superellipsoid;
+        the two radii and half the height of a cylinder, whose axis is the third.
+    half_extents_sd : ndarray, shape (N, 3)
+        Their standard deviations.
     quaternions : ndarray, shape (N, 4)
         Rotations of the objects, world from object: unit quaternions, w first.
     rotations : ndarray, shape (N, 3, 3)
-        The same as matrices, whose columns are the axes in the order of ``semi_axes``.
-    enclosing_semi_axes, enclosing_centers : ndarray, shape (N, 3)
-        Semi-axes and center of the enclosing ellipsoid, which should contain the real object. It is fitted separately:
-        its center and rotation differ from those of the tangent one.
-    enclosing_quaternions : ndarray, shape (N, 4)
-        Its rotation, world from object: a unit quaternion, w first.
-    body_kinds : list of str or None, length N
-        The kind of body of each object: ``"ellipsoid"``, ``"cuboid"``, ``"cylinder"`` or ``"superellipsoid:Q"``.
-    body_axes, enclosing_body_axes : ndarray, shape (N, 3)
-        Dimensions of the body itself if it is not an ellipsoid: half extents of a cuboid, semi-axes of a
-        superellipsoid, the two radii and half the height of a cylinder (its axis is the third one); and of the
-        enclosing body of the same kind.
+        The same as matrices, whose columns are the axes in the order of ``half_extents``.
+    rotation_sd_deg : ndarray, shape (N, 2)
+        Standard deviations of the rotations, degrees: about the vertical, and away from it (each way). Without ``up``
+        both are the root mean square over all axes.
+    yaw_deg : ndarray, shape (N,)
+        Angles about ``up`` from the x axis of the world (z, where x is steep) to the longer horizontal axes, degrees in
+        (-90, 90]; NaN without ``up``.
     covariances : ndarray, shape (N, 9, 9)
         Covariances, in ``covariance_coordinates``.
     covariance_coordinates : list of str or None, length N
@@ -298,7 +298,7 @@ class Estimates(EstimateArrays, Relocalizes):
         Why a detection is an outlier: ``"residual"`` (its residual is much larger than the noise) or
         ``"behind_camera"`` (the body is not entirely in front of the camera). None for all others.
     body : str
-        The fitted kind of body, ``"mixed"`` if objects differ (see ``body_kinds``).
+        The fitted kind of body, ``"mixed"`` if objects differ (see ``kinds``).
     noise : dict
         Estimated noise levels by name; empty for methods other than ``"posterior"``. Standard deviations:
         ``edge_noise`` and ``occluded_edge_noise`` relative to half the size of the box, ``edge_noise_px`` in pixels,
@@ -424,7 +424,7 @@ class Estimates(EstimateArrays, Relocalizes):
         """The objects as 3D detections of FiftyOne (https://docs.voxel51.com), for a 3D sample; needs its package.
 
         Each object with a body is a `fiftyone.Detection` with `label` (the category, or ``"object"``), `location` (the
-        center), `dimensions` (twice the half extents or semi-axes) and `rotation` (angles in radians about x, y and z,
+        center), `dimensions` (twice the half extents) and `rotation` (angles in radians about x, y and z,
         applied in this order to the axes of the object), in world coordinates; further attributes are `object_id`,
         `status`, `center_sd` and `views_used`.
 
@@ -432,14 +432,13 @@ class Estimates(EstimateArrays, Relocalizes):
         -------
         fiftyone.Detections
         """
-        with_body = np.flatnonzero(np.isfinite(self.centers).all(axis=1) & np.isfinite(self.semi_axes).all(axis=1))
-        half = np.where(np.isfinite(self.body_axes), self.body_axes, self.semi_axes)
+        with_body = np.flatnonzero(np.isfinite(self.centers).all(axis=1) & np.isfinite(self.half_extents).all(axis=1))
         angles = _fiftyone.euler_angles(self.rotations[with_body])
         return _fiftyone.detections(
             {
                 "label": self.categories[row] or "object",
                 "location": self.centers[row].tolist(),
-                "dimensions": (2.0 * half[row]).tolist(),
+                "dimensions": (2.0 * self.half_extents[row]).tolist(),
                 "rotation": angle.tolist(),
                 "object_id": str(self.object_ids[row]),
                 "status": str(self.status[row]),

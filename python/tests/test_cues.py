@@ -96,14 +96,14 @@ def test_arrays_give_what_the_file_gives(cued: Cued) -> None:
     assert depth["factor"] == pytest.approx(1.1, abs=0.05)
     without = quadlift.localize(**cued.frames, **{**cued.found, "depths": None, "boxes3d": None})
     assert without.cue_scales == []
-    assert np.abs(without.semi_axes - of_arrays.semi_axes).max() > 0.1
+    assert np.abs(without.half_extents - of_arrays.half_extents).max() > 0.1
 
 
 def test_boxes_of_the_world_are_those_of_the_cameras(cued: Cued) -> None:
     of_cameras = quadlift.localize(**cued.frames, **cued.found)
     of_world = quadlift.localize(**cued.frames, **{**cued.found, "boxes3d": cued.in_world()})
     np.testing.assert_allclose(of_world.centers, of_cameras.centers, atol=1e-6)
-    np.testing.assert_allclose(of_world.semi_axes, of_cameras.semi_axes, atol=1e-6)
+    np.testing.assert_allclose(of_world.half_extents, of_cameras.half_extents, atol=1e-6)
     # One frame of reference for each box.
     mixed = {**cued.found["boxes3d"], "frame": ["camera"] * len(cued.found["frames"])}
     mixed["frame"][0] = "world"

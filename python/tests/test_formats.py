@@ -40,7 +40,7 @@ def result(program: Program, tmp_path_factory: pytest.TempPathFactory) -> Path:
     # Places on Earth need meters.
     document = {**quadlift.Scene.read(folder / "scene.json").to_dict(), "length_unit": "m"}
     quadlift.Scene.from_dict(document).write(folder / "scene.json")
-    program("localize", "-q", folder / "scene.json", "-o", folder / "objects.json")
+    program("localize", "-q", folder / "scene.json", "-o", folder / "objects.json", "--enclosing")
     return folder / "objects.json"
 
 

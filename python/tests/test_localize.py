@@ -21,9 +21,9 @@ from quadlift._arrays import FrameArrays
 
 def test_each_object_has_a_kind_of_body(made: Arrays) -> None:
     cuboids = quadlift.localize(**made.arguments(), body="cuboid")
-    assert (cuboids.body, cuboids.body_kinds) == ("cuboid", ["cuboid"] * 4)
+    assert (cuboids.body, cuboids.kinds) == ("cuboid", ["cuboid"] * 4)
     chosen = quadlift.localize(**made.arguments())
-    kinds = set(chosen.body_kinds)
+    kinds = set(chosen.kinds)
     assert chosen.body == (kinds.pop() if len(kinds) == 1 else "mixed")
 
 
@@ -33,18 +33,20 @@ def test_exact_boxes_give_the_true_bodies(made: Arrays) -> None:
     assert len(estimates) == 4
     assert estimates.ok.all()
     np.testing.assert_allclose(estimates.centers, centers, atol=0.02)
-    np.testing.assert_allclose(np.sort(estimates.semi_axes), semi_axes, atol=0.05)
+    np.testing.assert_allclose(np.sort(estimates.half_extents), semi_axes, atol=0.05)
     for quaternion, rotation in zip(estimates.quaternions, estimates.rotations, strict=True):
         np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
         w, x, y, z = quaternion
         assert rotation[1, 0] == pytest.approx(2.0 * (x * y + w * z), abs=1e-12)
     assert estimates.covariances.shape == (4, 9, 9)
     np.testing.assert_array_equal(estimates.covariances, np.swapaxes(estimates.covariances, 1, 2))
-    # The boxes are exact: both bodies are the same.
-    np.testing.assert_allclose(
-        np.sort(estimates.enclosing_semi_axes), np.sort(estimates.semi_axes), rtol=0.005, atol=0.005
-    )
-    np.testing.assert_allclose(estimates.enclosing_centers, estimates.centers, atol=0.005)
+    np.testing.assert_allclose(estimates.closest_ellipsoids(), estimates.half_extents)
+    assert (estimates.half_extents_sd < 0.05).all()
+    # The boxes are exact: the enclosing ellipsoid is the body. Only asked for it is there.
+    assert not any("enclosing" in record for record in estimates.to_scene().to_dict()["objects"])
+    enclosed = quadlift.localize(**made.arguments(), body="ellipsoid", enclosing=True).to_scene().to_dict()["objects"]
+    enclosing = np.array([record["enclosing"]["half_extents"] for record in enclosed])
+    np.testing.assert_allclose(np.sort(enclosing), np.sort(estimates.half_extents), rtol=0.005, atol=0.005)
     assert estimates.views_used.tolist() == [6] * 4
     assert estimates.object_indices.tolist() == made.objects.tolist()
     assert estimates.inliers.all()
@@ -176,7 +178,7 @@ def test_types_and_layouts_make_no_difference(dtype: Any, index: Any, layout: st
         method="planes",
     )
     np.testing.assert_array_equal(found.centers, expected.centers)
-    np.testing.assert_array_equal(found.semi_axes, expected.semi_axes)
+    np.testing.assert_array_equal(found.half_extents, expected.half_extents)
 
 
 @settings(max_examples=60, deadline=None)
@@ -237,9 +239,13 @@ def test_tables(made: Arrays) -> None:
     frame = estimates.to_pandas()
     assert frame["object"].tolist() == [0, 1, 2, 3]
     assert frame["category"].tolist() == ["cup"] * 4
-    np.testing.assert_array_equal(frame[["x", "y", "z"]].to_numpy(), estimates.centers)
+    np.testing.assert_array_equal(frame[["center_x", "center_y", "center_z"]].to_numpy(), estimates.centers)
+    sizes = frame[[f"half_extent_{k}" for k in (1, 2, 3)]].to_numpy()
+    np.testing.assert_array_equal(sizes, estimates.half_extents)
+    assert frame["kind"].tolist()[3] is None
+    assert frame["yaw_deg"].isna().all(), "there is no up"
     table = estimates.to_arrow()
-    assert table["semi_axes"].to_pylist() == [*estimates.semi_axes[:3].tolist(), None]
+    assert table["half_extents"].to_pylist() == [*estimates.half_extents[:3].tolist(), None]
     assert table["covariance"].type == pa.list_(pa.float64())
     assert table["rms_residual_px"].null_count == 1
 
@@ -288,7 +294,7 @@ def test_estimates_are_a_sequence_of_objects(made: Arrays) -> None:
     np.testing.assert_array_equal(jar.center, estimates.centers[1])
     np.testing.assert_array_equal(jar.covariance, estimates.covariances[1])
     # Each array with a row for each object is a field of the object, in the singular.
-    others = {"object_ids": "id", "categories": "category", "body_axes": "body_axes", "alternatives": "alternatives"}
+    others = {"object_ids": "id", "categories": "category", "alternatives": "alternatives"}
     of_detections = {"object_indices", "inliers", "residuals", "rejection_reason", "problems", "cue_scales"}
     for name, value in vars(estimates).items():
         if isinstance(value, list | np.ndarray) and name not in of_detections:

@@ -465,7 +465,7 @@ def test_contents(lines: list[Line], tmp_path: Path) -> None:
     estimates = made.objects
     assert made.objects is estimates
     assert estimates.ok.sum() > count / 2
-    assert set(made.localize(body="cuboid").body_kinds) == {"cuboid"}
+    assert set(made.localize(body="cuboid").kinds) == {"cuboid"}
     scene = estimates.to_scene()
     assert scene.object_count == count
     assert len(scene) > 3 * count

@@ -95,7 +95,7 @@ def test_arrays_give_what_the_file_gives(shaped: Shaped) -> None:
     around = [d.get("box") for d in quadlift.Scene.from_dict(shaped.document).to_dict()["detections"]]
     assert around.count(None) == 67
     boxes = quadlift.localize(**shaped.frames, **shaped.found, measurement="box")
-    assert np.nanmax(np.abs(boxes.semi_axes - of_arrays.semi_axes)) > 0.05
+    assert np.nanmax(np.abs(boxes.half_extents - of_arrays.half_extents)) > 0.05
 
 
 def test_scenes_keep_them(shaped: Shaped, tmp_path: Path) -> None:

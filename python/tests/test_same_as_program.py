@@ -56,11 +56,11 @@ def compare(estimates: quadlift.Estimates, objects: list[dict[str, Any]]) -> Non
 
     assert list(estimates.status) == [o["status"] for o in objects]
     same(estimates.centers, [o.get("center") for o in objects])
-    same(estimates.semi_axes, of("ellipsoid", "semi_axes"))
-    same(estimates.quaternions, of("ellipsoid", "rotation"))
-    same(estimates.enclosing_semi_axes, of("enclosing_ellipsoid", "semi_axes"))
-    same(estimates.enclosing_centers, of("enclosing_ellipsoid", "center"))
-    same(estimates.enclosing_quaternions, of("enclosing_ellipsoid", "rotation"))
+    same(estimates.half_extents, of("body", "half_extents"))
+    same(estimates.quaternions, of("body", "rotation"))
+    same(as_written(estimates.half_extents_sd, 6), [o.get("half_extents_sd") for o in objects])
+    same(as_written(estimates.rotation_sd_deg, 6), [o.get("rotation_sd_deg") for o in objects])
+    assert [kind and kind.split(":")[0] for kind in estimates.kinds] == of("body", "kind")
     same(as_written(estimates.covariances, 9), of("covariance", "matrix"))
     same(as_written(estimates.center_sd, 6), [o.get("center_sd") for o in objects])
     same(as_written(estimates.rms_residuals, 6), [o.get("residual_px") for o in objects])
@@ -70,11 +70,10 @@ def compare(estimates: quadlift.Estimates, objects: list[dict[str, Any]]) -> Non
     for others, expected in zip(estimates.alternatives, [o.get("alternatives", []) for o in objects], strict=True):
         for other, wanted in zip(others, expected, strict=True):
             assert other.log_odds == wanted["log_odds"]
-            found = [other.center, other.body_axes, other.quaternion]
-            axes = {"cuboid": ["half_extents"], "superellipsoid": ["semi_axes"], "cylinder": ["radii", "half_height"]}
-            (kind,) = wanted.keys() - {"log_odds"}
-            half_extents = np.hstack([wanted[kind][field] for field in axes[kind]])
-            same(found, [wanted[kind]["center"], half_extents, wanted[kind]["rotation"]])
+            body = wanted["body"]
+            assert other.kind.split(":")[0] == body["kind"]
+            same([other.center, other.half_extents], [body["center"], body["half_extents"]])
+            same([other.quaternion], [body["rotation"]])
 
 
 @pytest.mark.parametrize("name", list(SCENES))

@@ -161,7 +161,7 @@ def test_objects_for_fiftyone(made: Arrays, monkeypatch: pytest.MonkeyPatch) -> 
     for row, one in enumerate(found):
         assert (one.label, one.status, one.views_used) == ("object", "ok", 6)
         np.testing.assert_array_equal(one.location, estimates.centers[row])
-        np.testing.assert_array_equal(one.dimensions, 2 * estimates.semi_axes[row])
+        np.testing.assert_array_equal(one.dimensions, 2 * estimates.half_extents[row])
         x, y, z = (rotation_about(axis, angle) for axis, angle in enumerate(one.rotation))
         np.testing.assert_allclose(x @ y @ z, estimates.rotations[row], atol=1e-12)
     monkeypatch.setitem(sys.modules, "fiftyone", None)
@@ -320,9 +320,9 @@ def test_priors(made: Arrays) -> None:
     plain = quadlift.localize(**arguments)
     prior: quadlift.Prior = {"size": (4.0, 4.0, 4.0), "size_sd": (0.01, 0.01, 0.01), "upright_sd": 0.1}
     pulled = quadlift.localize(**arguments, priors={"my cup": prior})
-    assert (pulled.semi_axes.mean(axis=1) > 1.05 * plain.semi_axes.mean(axis=1)).all()
+    assert (pulled.half_extents.mean(axis=1) > 1.05 * plain.half_extents.mean(axis=1)).all()
     builtin = quadlift.localize(**{**arguments, "categories": ["cup"] * 6}, length_unit="m", priors="builtin")
-    assert not np.array_equal(builtin.semi_axes, plain.semi_axes)
+    assert not np.array_equal(builtin.half_extents, plain.half_extents)
 
 
 def test_pickled_scenes(made: Arrays, tmp_path: Path) -> None:

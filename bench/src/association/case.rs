@@ -159,7 +159,7 @@ impl Case {
 /// not there.
 pub(crate) fn o3d(scene: &Scene, bodies: &[Ellipsoid]) -> Result<f64, Error> {
     let localization = localize_ellipsoids(scene)?;
-    let estimates: Vec<Option<Ellipsoid>> = localization.estimates.iter().map(|e| e.ellipsoid()).collect();
+    let estimates: Vec<Option<Ellipsoid>> = localization.estimates.iter().map(|e| e.closest_ellipsoid()).collect();
     let score = score_found(&estimates, bodies, 0.0);
     Ok(score.mean_iou3d.unwrap_or(0.0) * score.recall().unwrap_or(0.0))
 }

@@ -166,7 +166,7 @@ pub(crate) fn case(make: &SyntheticOptions) -> Result<Case, Error> {
     Ok(Case {
         scene: synthetic.scene,
         true_objects: synthetic.true_objects.iter().map(|object| object.map(|index| index as u32)).collect(),
-        bodies: synthetic.truth.iter().map(|(_, body)| body.ellipsoid()).collect(),
+        bodies: synthetic.truth.iter().map(|(_, body)| body.closest_ellipsoid()).collect(),
     })
 }
 

@@ -102,8 +102,8 @@ fn scores(made: &SyntheticScene, given: &SyntheticScene, found: &Localization) -
         let id = &made.scene.object_ids[estimate.object_index];
         let Some((_, truth)) = made.truth.iter().find(|(name, _)| name == id) else { continue };
         scores.o3d.push(estimate.body.map_or(0.0, |body| iou3d_bodies(&body, truth)));
-        let body = estimate.ellipsoid().zip(estimate.covariance);
-        scores.nees.extend(body.and_then(|(e, c)| nees(&e, &truth.ellipsoid(), &c.matrix)));
+        let body = estimate.closest_ellipsoid().zip(estimate.covariance);
+        scores.nees.extend(body.and_then(|(e, c)| nees(&e, &truth.closest_ellipsoid(), &c.matrix)));
     }
     let (mut turns, mut shifts) = (Vec::new(), Vec::new());
     for (index, frame) in made.scene.frames.iter().enumerate() {

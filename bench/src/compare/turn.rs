@@ -31,12 +31,10 @@ fn turned_file(mut file: SceneFile, rotation: &Rotation3<f64>) -> SceneFile {
     file.points.iter_mut().chain(&mut file.up).for_each(place);
     for object in &mut file.objects {
         object.center.iter_mut().for_each(place);
-        let ellipsoids = [&mut object.ellipsoid, &mut object.enclosing_ellipsoid].into_iter().flatten();
-        let cuboids = [&mut object.cuboid, &mut object.enclosing_cuboid].into_iter().flatten();
-        let cylinders = [&mut object.cylinder, &mut object.enclosing_cylinder].into_iter().flatten();
-        let poses = ellipsoids.map(|body| (&mut body.center, &mut body.rotation));
-        let poses = poses.chain(cuboids.map(|body| (&mut body.center, &mut body.rotation)));
-        for (center, turn) in poses.chain(cylinders.map(|body| (&mut body.center, &mut body.rotation))) {
+        let poses = object.ellipsoid.iter_mut().map(|body| (&mut body.center, &mut body.rotation));
+        let poses = poses.chain(object.cuboid.iter_mut().map(|body| (&mut body.center, &mut body.rotation)));
+        for (center, turn) in poses.chain(object.cylinder.iter_mut().map(|body| (&mut body.center, &mut body.rotation)))
+        {
             place(center);
             if let Some(axes) = rotation_from_quaternion(*turn) {
                 *turn = quaternion_from_rotation(&(rotation * axes));
@@ -62,7 +60,7 @@ mod tests {
             let of = |body: &quadlift::geometry::Ellipsoid| {
                 project_ellipsoid(&seen.frames[0].projection, body).unwrap().center()
             };
-            objects.iter().map(|object| of(&object.body().unwrap().ellipsoid())).collect()
+            objects.iter().map(|object| of(&object.body().unwrap().closest_ellipsoid())).collect()
         };
         for (before, after) in outlines(&scene.truth).iter().zip(outlines(&other.truth)) {
             assert!((before - after).norm() < 1e-6, "{before} {after}");

@@ -47,8 +47,8 @@ fn errors(frames: usize, column: usize, seed: u64) -> Result<Vec<[f64; 2]>, Erro
     let found = localize(&scene, &LocalizeOptions { seed, ..options.into() })?;
     let error = |estimate: &quadlift::solve::Estimate| {
         let id = &scene.object_ids[estimate.object_index];
-        let truth = made.truth.iter().find(|(name, _)| name == id)?.1.ellipsoid();
-        let body = estimate.ellipsoid().filter(|_| estimate.status == Status::Ok)?;
+        let truth = made.truth.iter().find(|(name, _)| name == id)?.1.closest_ellipsoid();
+        let body = estimate.closest_ellipsoid().filter(|_| estimate.status == Status::Ok)?;
         let normalized = estimate.covariance.as_ref().and_then(|c| nees(&body, &truth, &c.matrix));
         Some([(body.center - truth.center).norm() / truth.semi_axes.mean(), normalized.unwrap_or(f64::NAN)])
     };

@@ -216,7 +216,7 @@ fn errors(image: &SingleImage, cues: &CueOptions, seed: u64) -> Result<Vec<CarSc
         CarScore {
             distance: body.center.coords.norm(),
             error: found.map(|found| (found.center() - body.center).norm()),
-            o3d: found.map_or(0.0, |found| iou3d_ellipsoids(&found.ellipsoid(), &body.ellipsoid())),
+            o3d: found.map_or(0.0, |found| iou3d_ellipsoids(&found.closest_ellipsoid(), &body.closest_ellipsoid())),
         }
     };
     Ok(image.cars.iter().enumerate().map(error).collect())

@@ -65,7 +65,7 @@ impl MaskScene {
         let scene = rendered.synthetic.scene;
         let truth = |(id, body): &(String, Body)| TruthObject {
             id: id.clone(),
-            ellipsoid: Some(body.ellipsoid()),
+            ellipsoid: Some(body.closest_ellipsoid()),
             cuboid: None,
         };
         let mask = |(k, value): (usize, &u16)| rendered.labels[scene.detections[k].frame_index as usize].mask(*value);

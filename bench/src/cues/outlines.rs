@@ -86,7 +86,7 @@ fn scene_of(made: &SyntheticScene, column: usize, seed: u64) -> Result<Scene, Er
     for (index, detection) in parts.detections.iter_mut().enumerate() {
         let Some(object) = made.true_objects[index] else { continue };
         let projection = &frames[detection.frame_index as usize].projection;
-        let Ok(ellipse) = project_ellipsoid(projection, &made.truth[object].1.ellipsoid()) else { continue };
+        let Ok(ellipse) = project_ellipsoid(projection, &made.truth[object].1.closest_ellipsoid()) else { continue };
         let (outline, turned) = (outline(&ellipse, &mut rng), oriented_box(&ellipse, &mut rng));
         let lines = match (column, detection.bounding_box, turned) {
             (1, ..) => TangentLines::of_outline(&outline),
@@ -113,7 +113,7 @@ fn scores(views: usize, seed: u64) -> Result<Vec<Vec<Option<Score>>>, Error> {
         let map = PosteriorOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
         let found = localize(&scene, &LocalizeOptions { seed, ..map.into() })?;
         let score = |(name, body): &(String, Body)| {
-            let truth: Ellipsoid = body.ellipsoid();
+            let truth: Ellipsoid = body.closest_ellipsoid();
             let estimate = found.estimates.iter().find(|e| &scene.object_ids[e.object_index] == name)?;
             let ellipsoid = &estimate.body?.inscribed();
             let covariance = estimate.covariance.as_ref().map(|c| &c.matrix);

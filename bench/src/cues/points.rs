@@ -154,7 +154,7 @@ fn with_depths(file: &SceneFile) -> Result<Scene, Error> {
 /// The scores of each column's objects, and for each column the share of detections with a depth.
 fn scores(views: usize, seed: u64) -> Result<Vec<(Vec<Score>, f64)>, Error> {
     let made = noisy_boxes_in(CUBE, DISTANCE, views, seed)?;
-    let truth: Vec<Ellipsoid> = made.truth.iter().map(|(_, body)| body.ellipsoid()).collect();
+    let truth: Vec<Ellipsoid> = made.truth.iter().map(|(_, body)| body.closest_ellipsoid()).collect();
     let of_column = |column: usize| {
         let mut scene = made.scene.clone();
         if column > 0 {
@@ -171,7 +171,7 @@ fn scores(views: usize, seed: u64) -> Result<Vec<(Vec<Score>, f64)>, Error> {
         let found = localize(&scene, &LocalizeOptions { seed, ..options.into() })?;
         let score = |k: usize| {
             let estimate = found.estimates.iter().find(|e| scene.object_ids[e.object_index] == made.truth[k].0)?;
-            let body = estimate.ellipsoid().filter(|_| estimate.status == Status::Ok)?;
+            let body = estimate.closest_ellipsoid().filter(|_| estimate.status == Status::Ok)?;
             let normalized = estimate.covariance.as_ref().and_then(|c| nees(&body, &truth[k], &c.matrix));
             Some((iou3d_ellipsoids(&body, &truth[k]), normalized))
         };

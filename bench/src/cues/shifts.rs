@@ -51,11 +51,11 @@ fn scores(made: &SyntheticScene, cues: &CueOptions, seed: u64) -> Result<Vec<(f6
     let options = PosteriorOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
     let found = localize(&scene, &LocalizeOptions { seed, ..options.into() })?;
     let score = |(id, body): &(String, quadlift::geometry::Body)| {
-        let truth = body.ellipsoid();
+        let truth = body.closest_ellipsoid();
         let index = scene.object_ids.iter().position(|name| name == id)?;
         let views = scene.detections.iter().filter(|d| d.object_index == Some(index as u32)).count();
         let estimate = found.estimates.iter().find(|estimate| estimate.object_index == index)?;
-        let body = estimate.ellipsoid().filter(|_| estimate.status == Status::Ok);
+        let body = estimate.closest_ellipsoid().filter(|_| estimate.status == Status::Ok);
         let normalized = || nees(&body?, &truth, &estimate.covariance.as_ref()?.matrix);
         let o3d = body.map_or(0.0, |body| iou3d_ellipsoids(&body, &truth));
         (views >= 2).then(|| (o3d, normalized()))

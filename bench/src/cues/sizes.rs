@@ -79,8 +79,8 @@ fn synthetic(
     for (learn, (o3d, errors)) in both.iter_mut().enumerate() {
         let found = localize(&scene.scene, &options(learn == 1, Some(body), seed))?;
         for estimate in &found.estimates {
-            let truth = scene.truth[estimate.object_index].1.ellipsoid();
-            let ellipsoid = estimate.ellipsoid();
+            let truth = scene.truth[estimate.object_index].1.closest_ellipsoid();
+            let ellipsoid = estimate.closest_ellipsoid();
             o3d.push(ellipsoid.map_or(0.0, |e| quadlift::metrics::iou3d_ellipsoids(&e, &truth)));
             let covariance = estimate.covariance.filter(|_| body == BodyKind::Ellipsoid);
             errors.extend(ellipsoid.zip(covariance).and_then(|(e, c)| nees(&e, &truth, &c.matrix)));

@@ -102,7 +102,7 @@ pub(super) fn scores_of(
     scene_of: &dyn Fn(usize) -> Result<Scene, Error>,
     seed: u64,
 ) -> Result<Vec<Vec<Option<Score>>>, Error> {
-    let truth: Vec<Ellipsoid> = made.truth.iter().map(|(_, body)| body.ellipsoid()).collect();
+    let truth: Vec<Ellipsoid> = made.truth.iter().map(|(_, body)| body.closest_ellipsoid()).collect();
     let of_column = |column: usize| -> Result<Vec<Option<Score>>, Error> {
         let scene = scene_of(column)?;
         if column == CUES.len() - 1 {

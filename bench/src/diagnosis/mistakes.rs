@@ -200,7 +200,7 @@ pub(super) fn harm(truth: &[(String, Body)], right: &HashMap<String, Body>, wron
         let o3d = |bodies: &HashMap<String, Body>| bodies.get(id).map_or(0.0, |found| iou3d_bodies(found, body));
         lost += o3d(right) - o3d(&wrong);
         shifts.push(match (right.get(id), wrong.get(id)) {
-            (Some(a), Some(b)) => (a.center() - b.center()).norm() / body.ellipsoid().semi_axes.mean(),
+            (Some(a), Some(b)) => (a.center() - b.center()).norm() / body.closest_ellipsoid().semi_axes.mean(),
             (None, _) => 0.0,
             (Some(_), None) => f64::INFINITY,
         });

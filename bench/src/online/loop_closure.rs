@@ -72,7 +72,7 @@ fn rounded(edges: [f64; 4]) -> [i64; 4] {
 fn close_loop(options: &SyntheticOptions, turn: f64, shift: f64) -> Result<[f64; 7], Error> {
     let synthetic = generate(options)?;
     let scene = &synthetic.scene;
-    let bodies: Vec<Ellipsoid> = synthetic.truth.iter().map(|(_, body)| body.ellipsoid()).collect();
+    let bodies: Vec<Ellipsoid> = synthetic.truth.iter().map(|(_, body)| body.closest_ellipsoid()).collect();
     let count = scene.frames.len();
     // Every other frame on the first pass, the others on the second.
     let order: Vec<usize> = (0..count).step_by(2).chain((1..count).step_by(2)).collect();

@@ -48,7 +48,7 @@ pub(super) fn scores(case: &Case, map: &ObjectMap, labels: &Labels, frames: usiz
 /// [`Error::Localize`].
 pub(super) fn judge(scene: &Scene, bodies: &[Option<Ellipsoid>]) -> Result<(f64, Vec<f64>), Error> {
     let localization = localize_ellipsoids(scene)?;
-    let found: Vec<Option<Ellipsoid>> = localization.estimates.iter().map(|e| e.ellipsoid()).collect();
+    let found: Vec<Option<Ellipsoid>> = localization.estimates.iter().map(|e| e.closest_ellipsoid()).collect();
     let pairs = pair_by_overlap(&found, bodies, 0.0);
     let total = pairs.iter().map(|pair| pair.iou3d).fold(0.0, |sum, iou| sum + iou);
     let nees = pairs.iter().filter(|pair| pair.iou3d >= MIN_IOU).filter_map(|pair| {

@@ -55,7 +55,7 @@ fn a_lone_ellipsoid_is_where_its_projection_is() {
             }
             let frame = detection.frame_index as usize;
             let projection = &rendered.synthetic.scene.frames[frame].projection;
-            let exact = project_ellipsoid(projection, &body.ellipsoid()).unwrap();
+            let exact = project_ellipsoid(projection, &body.closest_ellipsoid()).unwrap();
             let mask = rendered.labels[frame].mask(1);
             let fitted = Moments::of_mask(&mask, PixelTerm::Centers).unwrap().ellipse().unwrap();
             assert!((fitted.center() - exact.center()).norm() < 0.1);

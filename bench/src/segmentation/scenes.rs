@@ -91,7 +91,7 @@ impl ImageScene {
             render(&RenderOptions { seed, box_noise: BOX_NOISE, ..Default::default() })?;
         let truth = synthetic.truth.iter().map(|(id, body)| TruthObject {
             id: id.clone(),
-            ellipsoid: Some(body.ellipsoid()),
+            ellipsoid: Some(body.closest_ellipsoid()),
             cuboid: None,
         });
         let truth =

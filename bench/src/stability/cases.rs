@@ -56,7 +56,7 @@ impl Group {
             Self::RefinedPoses => PosteriorOptions { refine_poses: Some(PoseMotion::Auto), ..Default::default() },
             Self::LearnedSizes => PosteriorOptions { learn_sizes: true, ..Default::default() },
         };
-        LocalizeOptions { seed, ..map.into() }
+        LocalizeOptions { seed, enclosing: true, ..map.into() }
     }
 
     /// The groups of a set. Scenes without ids are left out: which boxes show one object is another question.

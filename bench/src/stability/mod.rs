@@ -59,10 +59,10 @@ fn score(case: &Case, found: &Localization) -> (Vec<f64>, Vec<f64>) {
 fn overlap(overlap: Overlap, estimate: &Estimate, truth: &ObjectBodies) -> Option<f64> {
     let ellipsoid = match overlap {
         Overlap::Bodies => return Some(iou3d_bodies(&estimate.body?, &truth.body()?)),
-        Overlap::Ellipsoids => estimate.ellipsoid()?,
-        Overlap::Enclosing => estimate.enclosing_ellipsoid()?,
+        Overlap::Ellipsoids => estimate.closest_ellipsoid()?,
+        Overlap::Enclosing => estimate.enclosing?,
     };
-    Some(iou3d_ellipsoids(&ellipsoid, &truth.ellipsoid().or(truth.body().map(|body| body.ellipsoid()))?))
+    Some(iou3d_ellipsoids(&ellipsoid, &truth.ellipsoid().or(truth.body().map(|body| body.closest_ellipsoid()))?))
 }
 
 fn outcome(case: &Case) -> Result<Outcome, Error> {

@@ -68,7 +68,7 @@ impl Judged {
         let covariance = estimate.covariance.as_ref()?;
         let errors = squared_errors(estimate.body.as_ref()?, covariance, truth)?;
         let center = covariance.matrix.fixed_view::<3, 3>(0, 0).into_owned();
-        let size = truth.ellipsoid().semi_axes.product();
+        let size = truth.closest_ellipsoid().semi_axes.product();
         Some(Self { errors, log_volume: 0.5 * center.determinant().ln() - size.ln() })
     }
 }

@@ -66,7 +66,7 @@ fn truth(drawn: &RandomScene) -> Vec<Option<Ellipsoid>> {
     let mut boxes = vec![0; synthetic.truth.len()];
     synthetic.true_objects.iter().flatten().for_each(|&object| boxes[object] += 1);
     let seen = synthetic.truth.iter().zip(boxes).filter(|(_, boxes)| *boxes >= MIN_BOXES);
-    seen.map(|((_, body), _)| Some(body.ellipsoid())).collect()
+    seen.map(|((_, body), _)| Some(body.closest_ellipsoid())).collect()
 }
 
 /// Whether an answer is wrong; see [`WRONG`].
@@ -114,7 +114,7 @@ impl Localized {
         };
         let estimates = &run.localization.estimates;
         let ok = estimates.iter().filter(|estimate| estimate.status == Status::Ok);
-        let bodies: Vec<Ellipsoid> = ok.filter_map(|estimate| estimate.ellipsoid()).collect();
+        let bodies: Vec<Ellipsoid> = ok.filter_map(|estimate| estimate.closest_ellipsoid()).collect();
         let Check { diagnosis, together, .. } = run.check;
         let both = together.iter().flatten().map(|cause| cause.name);
         let causes = names(&diagnosis).into_iter().chain(both).collect();

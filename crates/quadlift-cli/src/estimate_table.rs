@@ -6,6 +6,7 @@ use anstyle::Style;
 use quadlift::Localization;
 use quadlift::cross_validation::{CrossValidation, Extent};
 use quadlift::geometry::Body;
+use quadlift::nalgebra::Vector3;
 use quadlift::scene::Scene;
 use quadlift::solve::{Estimate, Method, Status};
 use quadlift_io::run::{CueScaleRecord, FileOptions, LearnedSizeRecord, PosePointsRecord, Quantity};
@@ -28,6 +29,8 @@ pub(crate) struct Summary<'a> {
     center: Option<[f64; 3]>,
     /// Full lengths along the axes of the body, the longest first.
     size: Option<[f64; 3]>,
+    /// Their standard deviations.
+    size_sd: Option<[f64; 3]>,
     center_sd: Option<f64>,
     residual_px: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -42,25 +45,31 @@ pub(crate) fn summaries<'a>(scene: &'a Scene, localization: &Localization) -> Ve
         let object = checked.of_estimate(index).filter(|_| checked.extent == Extent::All)?;
         cross_validation_of_object(scene, object)
     };
-    let summary = |(index, estimate): (usize, &Estimate)| Summary {
-        id: &scene.object_ids[estimate.object_index],
-        category: estimate.category_index.map(|index| scene.categories[index].as_str()),
-        status: estimate.status.name(),
-        views_used: estimate.views_used(),
-        views: estimate.views.len(),
-        center: estimate.center.map(|center| center.coords.into()),
-        size: estimate.body.as_ref().map(full_lengths),
-        center_sd: estimate.center_sd().filter(|sd| sd.is_finite()),
-        residual_px: estimate.rms_residual_px().filter(|r| r.is_finite()),
-        cross_validation: of_object(index),
-        warnings: estimate.warnings.iter().map(ToString::to_string).collect(),
+    let summary = |(index, estimate): (usize, &Estimate)| {
+        let sizes = estimate.body.as_ref().map(|body| full_lengths(body, estimate.half_extents_sd()));
+        Summary {
+            id: &scene.object_ids[estimate.object_index],
+            category: estimate.category_index.map(|index| scene.categories[index].as_str()),
+            status: estimate.status.name(),
+            views_used: estimate.views_used(),
+            views: estimate.views.len(),
+            center: estimate.center.map(|center| center.coords.into()),
+            size: sizes.map(|sizes| sizes.map(|[length, _]| length)),
+            size_sd: sizes.map(|sizes| sizes.map(|[_, sd]| sd)).filter(|sd| sd.iter().all(|sd| sd.is_finite())),
+            center_sd: estimate.center_sd().filter(|sd| sd.is_finite()),
+            residual_px: estimate.rms_residual_px().filter(|r| r.is_finite()),
+            cross_validation: of_object(index),
+            warnings: estimate.warnings.iter().map(ToString::to_string).collect(),
+        }
     };
     localization.estimates.iter().enumerate().map(summary).collect()
 }
 
-fn full_lengths(body: &Body) -> [f64; 3] {
-    let mut lengths: [f64; 3] = (body.half_extents * 2.0).into();
-    lengths.sort_by(|a, b| b.total_cmp(a));
+/// The full lengths of a body with their standard deviations (not a number where they are unknown), the longest first.
+fn full_lengths(body: &Body, half_extents_sd: Option<Vector3<f64>>) -> [[f64; 2]; 3] {
+    let sd = half_extents_sd.unwrap_or(Vector3::repeat(f64::NAN));
+    let mut lengths = [0, 1, 2].map(|axis| [2.0 * body.half_extents[axis], 2.0 * sd[axis]]);
+    lengths.sort_by(|[a, _], [b, _]| b.total_cmp(a));
     lengths
 }
 
@@ -234,7 +243,12 @@ fn table(scene: &Scene, rows: &[Summary], labels: &Labels, cross_validated: bool
     let mut table = Table::new(columns);
     for row in rows {
         let coordinate = |axis: usize| number(row.center.map(|center| center[axis]), places).into();
-        let size = row.size.map_or("-".to_owned(), |s| s.map(|x| number(Some(x), places)).join(" x "));
+        let mut size = row.size.map_or("-".to_owned(), |s| s.map(|x| number(Some(x), places)).join(" x "));
+        if let Some(sd) = row.size_sd {
+            // One number for all three: the root of their mean variance.
+            let sd = (sd.iter().map(|sd| sd * sd).sum::<f64>() / 3.0).sqrt();
+            let _ = write!(size, " ± {}", number(Some(sd), decimals(sd, 2)));
+        }
         let mut cells = vec![
             labels.of(row.id).into(),
             labels.category(row.id, row.category).into(),

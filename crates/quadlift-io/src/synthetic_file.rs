@@ -72,7 +72,7 @@ pub fn scene_file(synthetic: &SyntheticScene) -> SceneFile {
     file.detections.extend(scene.detections.iter().map(record));
     for (id, body) in &synthetic.truth {
         let mut object = ObjectRecord { id: id.clone(), ..Default::default() };
-        object.set_body(body);
+        object.set_true_body(body);
         file.objects.push(object);
     }
     file

@@ -170,7 +170,7 @@ pub(crate) fn export(loaded: &Loaded, format: &str, output: &Path, given: &Given
     let mut without_body = Vec::new();
     let documents: Vec<(PathBuf, Document)> = match &format.write {
         Writer::Bodies(write) => {
-            let choice = if options.enclosing { BodyChoice::Enclosing } else { BodyChoice::Tangent };
+            let choice = if options.enclosing { BodyChoice::Enclosing } else { BodyChoice::Body };
             let checked = CheckedScene::new(file, choice).map_err(refuse)?;
             if checked.bodies() == 0 {
                 return Err(refuse("no object has a body: there is nothing to export"));

@@ -1,5 +1,6 @@
 //! A localization as the program does it, and its result: estimates as arrays, and as a scene.
 
+use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -11,6 +12,7 @@ use quadlift::Localization;
 use quadlift::association::Association;
 use quadlift::cross_validation::{Extent, ObjectCrossValidation};
 use quadlift::geometry::{Body, quaternion_from_rotation};
+use quadlift::nalgebra::{Unit, Vector3};
 use quadlift::relocalize::{Landmark, LandmarkMap, LocateOptions};
 use quadlift::scene::Scene;
 use quadlift::solve::{Alternative, Estimate, Rejection};
@@ -111,7 +113,7 @@ impl PyLocalized {
         let coordinates = |e: &Estimate| e.covariance.map(|covariance| coordinates_name(covariance.coordinates));
         dict.set_item("covariance_coordinates", estimates.iter().map(coordinates).collect::<Vec<_>>())?;
         let body_kind = |e: &Estimate| e.body.as_ref().map(|body| body.kind.to_string());
-        dict.set_item("body_kinds", estimates.iter().map(body_kind).collect::<Vec<_>>())?;
+        dict.set_item("kinds", estimates.iter().map(body_kind).collect::<Vec<_>>())?;
         let rows = |name: &str, width: usize, of: &dyn Fn(&Estimate, &mut Vec<f64>)| {
             let mut values = Vec::with_capacity(width * estimates.len());
             for (index, estimate) in estimates.iter().enumerate() {
@@ -122,19 +124,15 @@ impl PyLocalized {
             dict.set_item(name, PyArray1::from_vec(py, values))
         };
         rows("centers", 3, &|e, to| to.extend(e.center.iter().flat_map(|c| c.iter().copied())))?;
-        rows("semi_axes", 3, &|e, to| to.extend(e.ellipsoid().iter().flat_map(|b| b.semi_axes.iter().copied())))?;
-        rows("enclosing_semi_axes", 3, &|e, to| {
-            to.extend(e.enclosing_ellipsoid().iter().flat_map(|b| b.semi_axes.iter().copied()));
+        rows("half_extents", 3, &|e, to| to.extend(e.body.iter().flat_map(|body| body.half_extents.iter().copied())))?;
+        rows("half_extents_sd", 3, &|e, to| to.extend(e.half_extents_sd().iter().flat_map(|sd| sd.iter().copied())))?;
+        let up = self.scene().up;
+        rows("rotation_sd_deg", 2, &|e, to| {
+            to.extend(e.rotation_sd(up.as_ref()).into_iter().flatten().map(f64::to_degrees));
         })?;
-        rows("enclosing_centers", 3, &|e, to| {
-            to.extend(e.enclosing_ellipsoid().iter().flat_map(|b| b.center.iter().copied()));
-        })?;
-        rows("enclosing_quaternions", 4, &|e, to| {
-            to.extend(e.enclosing_ellipsoid().iter().flat_map(|b| quaternion_from_rotation(&b.rotation)));
-        })?;
-        rows("body_axes", 3, &|e, to| to.extend(e.body.iter().flat_map(axes)))?;
-        rows("enclosing_body_axes", 3, &|e, to| {
-            to.extend(e.enclosing_body().as_ref().map(axes).into_iter().flatten());
+        rows("yaw_deg", 1, &|e, to| to.extend(e.body.zip(up).map(|(body, up)| yaw(&body, &up).to_degrees())))?;
+        rows("closest_ellipsoids", 3, &|e, to| {
+            to.extend(e.closest_ellipsoid().iter().flat_map(|ellipsoid| ellipsoid.semi_axes.iter().copied()));
         })?;
         rows("quaternions", 4, &|e, to| {
             to.extend(e.body.iter().flat_map(|b| quaternion_from_rotation(&b.rotation)));
@@ -298,19 +296,32 @@ impl PyLocalized {
     }
 }
 
-/// Center, axes, quaternion and log odds of a body.
-type AlternativeFigures = ([f64; 3], [f64; 3], [f64; 4], f64);
+/// Kind, center, half extents, quaternion and log odds of a body.
+type AlternativeFigures = (String, [f64; 3], [f64; 3], [f64; 4], f64);
 
 /// The other bodies that fit about as well.
 fn alternatives(estimate: &Estimate) -> Vec<AlternativeFigures> {
-    let figures = |other: &Alternative| {
-        let (body, ellipsoid) = (&other.body, other.body.ellipsoid());
-        (ellipsoid.center.coords.into(), axes(body), quaternion_from_rotation(&body.rotation), other.log_odds)
+    let figures = |Alternative { body, log_odds }: &Alternative| {
+        let quaternion = quaternion_from_rotation(&body.rotation);
+        (body.kind.to_string(), body.center.coords.into(), body.half_extents.into(), quaternion, *log_odds)
     };
     estimate.alternatives.iter().map(figures).collect()
 }
 
-/// Semi-axes, or half extents of a cuboid or cylinder.
-fn axes(body: &Body) -> [f64; 3] {
-    body.half_extents.into()
+/// Angle about `up` from the x axis of the world (from z, where x is steeper than 45 degrees) to the longer horizontal axis of a body,
+/// counterclockwise seen from above, in (-pi/2, pi/2].
+fn yaw(body: &Body, up: &Unit<Vector3<f64>>) -> f64 {
+    let axes = body.rotation.matrix();
+    let vertical = axes.tr_mul(up).iamax();
+    let [a, b] = [(vertical + 1) % 3, (vertical + 2) % 3];
+    let axis = axes.column(if body.half_extents[b] > body.half_extents[a] { b } else { a });
+    let zero = if up.x * up.x < 0.5 { Vector3::x() } else { Vector3::z() };
+    let angle = up.dot(&zero.cross(&axis)).atan2((zero - up.scale(up.dot(&zero))).dot(&axis));
+    if angle > FRAC_PI_2 {
+        angle - PI
+    } else if angle <= -FRAC_PI_2 {
+        angle + PI
+    } else {
+        angle
+    }
 }

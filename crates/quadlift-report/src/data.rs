@@ -124,7 +124,7 @@ pub struct ReportObject {
     pub center_shell: Option<ReportBody>,
     /// The estimated body.
     pub body: Option<ReportBody>,
-    /// The enclosing body.
+    /// The enclosing ellipsoid.
     pub enclosing: Option<ReportBody>,
     /// The true body.
     pub truth: Option<ReportBody>,

@@ -372,9 +372,9 @@ mod tests {
 
     #[test]
     fn an_object_has_its_other_bodies_and_its_misfit() {
-        let cuboid = |turn: [f64; 4]| json!({ "center": [0, 0, 5], "half_extents": [2, 1, 1], "rotation": turn });
-        let fields = json!({ "id": "cup", "status": "ok", "cuboid": cuboid([1.0, 0.0, 0.0, 0.0]),
-            "alternatives": [{ "cuboid": cuboid([0.6, 0.0, 0.0, 0.8]), "log_odds": -0.7 }],
+        let cuboid = |turn: [f64; 4]| json!({ "kind": "cuboid", "center": [0, 0, 5], "half_extents": [2, 1, 1], "rotation": turn });
+        let fields = json!({ "id": "cup", "status": "ok", "body": cuboid([1.0, 0.0, 0.0, 0.0]),
+            "alternatives": [{ "body": cuboid([0.6, 0.0, 0.0, 0.8]), "log_odds": -0.7 }],
             "goodness_of_fit": { "normalized_residual": 1.5, "relative_residual": 0.03 } });
         let report = report(&content(&scene(1), &estimate(fields.clone()))).unwrap();
         let object = &report.objects[0];
@@ -383,9 +383,9 @@ mod tests {
         assert_eq!((other.body.kind, other.body.rotation[3], other.log_odds), ("cuboid", 0.8, -0.7));
         // Invalid bodies are rejected like those of the estimate.
         let mut wrong = fields;
-        wrong["alternatives"][0]["cuboid"]["half_extents"][1] = json!(-1);
+        wrong["alternatives"][0]["body"]["half_extents"][1] = json!(-1);
         let error = super::report(&content(&scene(1), &estimate(wrong))).unwrap_err();
-        assert_eq!(error.entry, "objects[0].alternatives[0].cuboid.half_extents");
+        assert_eq!(error.entry, "objects[0].alternatives[0].body.half_extents");
     }
 
     #[test]

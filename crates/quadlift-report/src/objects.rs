@@ -108,7 +108,7 @@ impl Objects {
         object.center_sd = record.center_sd;
         object.center_shell = shell.map(|shell| (&Body::from(shell)).into());
         object.body = bodies.body().as_ref().map(Into::into);
-        object.enclosing = bodies.enclosing_body().as_ref().map(Into::into);
+        object.enclosing = bodies.enclosing.as_ref().map(Into::into);
         let alternative = |(body, log_odds): &(Body, f64)| ReportAlternative { body: body.into(), log_odds: *log_odds };
         object.alternatives = others.iter().map(alternative).collect();
         object.relative_residual = record.goodness_of_fit.as_ref().map(|fit| fit.relative_residual);

@@ -66,8 +66,8 @@ pub struct RecordingObject {
 pub struct RecordingBody {
     /// Kind of body: `ellipsoid`, `cuboid` or `superellipsoid`.
     pub kind: &'static str,
-    /// What the numbers describe: `cuboid`, or `ellipsoid`; for a superellipsoid its equivalent ellipsoid (see
-    /// [`Body::ellipsoid`]).
+    /// What the numbers describe: `cuboid`, or `ellipsoid`; for a superellipsoid its closest ellipsoid (see
+    /// [`Body::closest_ellipsoid`]).
     pub shape: &'static str,
     /// Center in the world.
     pub center: [f64; 3],
@@ -221,7 +221,7 @@ pub(crate) fn drawable(body: &ReportBody) -> Option<RecordingBody> {
     let whole = body.body()?;
     // Rerun has ellipsoids and boxes.
     let is_drawn = matches!(whole.kind, BodyKind::Ellipsoid | BodyKind::Cuboid);
-    let drawn = if is_drawn { body.clone() } else { ReportBody::from(&Body::from(whole.ellipsoid())) };
+    let drawn = if is_drawn { body.clone() } else { ReportBody::from(&Body::from(whole.closest_ellipsoid())) };
     let [w, x, y, z] = drawn.rotation;
     Some(RecordingBody {
         kind: body.kind,

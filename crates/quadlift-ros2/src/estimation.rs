@@ -83,7 +83,7 @@ impl Snapshot {
 /// # Errors
 /// A text if an object is not valid.
 pub fn checked(result: &SceneFile) -> Result<CheckedScene<'_>, String> {
-    CheckedScene::new(result, BodyChoice::Tangent).map_err(|error| format!("{}: {}", error.entry, error.problem))
+    CheckedScene::new(result, BodyChoice::Body).map_err(|error| format!("{}: {}", error.entry, error.problem))
 }
 
 /// A `std_msgs/String`.

@@ -181,7 +181,7 @@ pub(super) const TEXTS: &[Text] = &[
     of("", "no_browser", OUTPUT, "", "Print the path without opening it"),
     of("", "open", OUTPUT, "", "Open the report in the browser"),
     of("", "labels", OUTPUT, "", "Write labels beside the objects"),
-    of("", "enclosing", OUTPUT, "", "Export the enclosing bodies instead"),
+    of("", "enclosing", OUTPUT, "", "Export the enclosing ellipsoids instead"),
     of("", "frusta", OUTPUT, "LENGTH", "Set the depth of the camera frusta"),
     of("", "only_detected", OUTPUT, "", "Write only frames with a detection"),
     of("", "calib", INPUT, "FILE", "Read the KITTI calibration of the sequence"),

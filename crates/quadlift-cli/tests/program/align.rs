@@ -53,7 +53,8 @@ fn maps_are_aligned_and_merged() {
     // The objects of B are where they truly are in A.
     let truth = folder.json("north.json");
     for (k, place) in [(13, 13), (14, 14), (15, 15)] {
-        let [x, y] = [&merged["objects"][k], &truth["objects"][place]].map(|o| numbers(&o["ellipsoid"]["center"]));
+        let [x, y] =
+            [&merged["objects"][k]["body"], &truth["objects"][place]["ellipsoid"]].map(|body| numbers(&body["center"]));
         assert!(x.iter().zip(&y).all(|(x, y)| (x - y).abs() < 1.5), "{x:?} {y:?}");
     }
     // Other commands read the result, and the same input gives the same bytes.
@@ -165,10 +166,10 @@ fn wrong_files_and_options_are_refused() {
     assert!(run.code == 1 && run.stderr.contains("text.json"), "{}", run.stderr);
     assert_eq!(folder.run("align a.json none.json").code, 1);
     let mut wrong = folder.json("b.json");
-    wrong["objects"][2]["ellipsoid"]["semi_axes"][0] = json!(-1);
+    wrong["objects"][2]["body"]["half_extents"][0] = json!(-1);
     folder.write_json("wrong.json", &wrong);
     let run = folder.run("align a.json wrong.json");
-    assert!(run.code == 1 && run.stderr.contains("objects[2].ellipsoid.semi_axes"), "{}", run.stderr);
+    assert!(run.code == 1 && run.stderr.contains("objects[2].body.half_extents"), "{}", run.stderr);
     for arguments in [
         "a.json b.json -o a.json",
         "a.json b.json -o b.json",

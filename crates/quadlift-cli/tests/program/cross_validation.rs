@@ -52,7 +52,7 @@ fn without_the_option_a_sample_is_told_of_the_scene_only() {
     // What is estimated does not depend on it.
     folder.succeed("localize scene.json -o all.json --cross-validate");
     let bodies = |name: &str| -> Vec<Value> {
-        folder.json(name)["objects"].as_array().unwrap().iter().map(|object| object["ellipsoid"].clone()).collect()
+        folder.json(name)["objects"].as_array().unwrap().iter().map(|object| object["body"].clone()).collect()
     };
     assert_eq!(bodies("result.json"), bodies("all.json"));
 }

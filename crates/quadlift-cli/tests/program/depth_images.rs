@@ -43,7 +43,7 @@ fn made(folder: &Folder) -> Value {
     let file = read_scene_file(&folder.path("truth.json")).unwrap();
     let scene = file.to_scene().unwrap();
     let objects = file.to_objects().unwrap();
-    let bodies: Vec<Ellipsoid> = objects.iter().filter_map(|object| object.ellipsoid()).collect();
+    let bodies: Vec<Ellipsoid> = objects.iter().filter_map(|object| Some(object.body()?.closest_ellipsoid())).collect();
     assert_eq!(bodies.len(), 12);
     std::fs::create_dir(folder.path("depth")).unwrap();
     depth_image(&scene, 0, &bodies).save(folder.path("depth/0.png")).unwrap();

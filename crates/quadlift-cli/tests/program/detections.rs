@@ -166,7 +166,7 @@ fn the_objects_of_the_tutorial_are_found_where_they_are() {
     assert_eq!(objects.len(), truth.len(), "{report}");
     for (category, center) in truth {
         let near = |object: &&&Value| {
-            let found: [f64; 3] = serde_json::from_value(object["ellipsoid"]["center"].clone()).unwrap();
+            let found: [f64; 3] = serde_json::from_value(object["body"]["center"].clone()).unwrap();
             let distance = found.iter().zip(&center).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
             object["category"] == category && distance < 0.01
         };

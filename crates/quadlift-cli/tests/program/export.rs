@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 fn result() -> Folder {
     let folder = Folder::new();
     folder.succeed("synth -o scene.json --objects 3 --views 12 --seed 2 --body cuboid --noise box:0.01");
-    folder.succeed("localize scene.json -o objects.json --body cuboid");
+    folder.succeed("localize scene.json -o objects.json --body cuboid --enclosing");
     let mut objects = folder.json("objects.json");
     objects["objects"].as_array_mut().unwrap().push(json!({"id": "lost", "status": "not_an_ellipsoid"}));
     folder.write_json("objects.json", &objects);
@@ -117,10 +117,10 @@ fn a_recording_has_what_the_files_of_a_scene_hold() {
     for (found, object) in recording["objects"].as_array().unwrap().iter().zip(estimates["objects"].as_array().unwrap())
     {
         let (body, [w, x, y, z]): (_, [Value; 4]) =
-            (&object["ellipsoid"], serde_json::from_value(object["ellipsoid"]["rotation"].clone()).unwrap());
+            (&object["body"], serde_json::from_value(object["body"]["rotation"].clone()).unwrap());
         assert_eq!((&found["id"], &found["status"]), (&object["id"], &object["status"]));
         if found["estimate"]["kind"] == "ellipsoid" {
-            assert_eq!(found["estimate"]["half_sizes"], body["semi_axes"]);
+            assert_eq!(found["estimate"]["half_sizes"], body["half_extents"]);
             assert!(close(&numbers(&json!([found["estimate"]["quaternion_xyzw"]])), &numbers(&json!([[x, y, z, w]]))));
         }
         assert!(found["truth"].is_object(), "{found}");

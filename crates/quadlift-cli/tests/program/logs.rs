@@ -30,7 +30,7 @@ fn difference(folder: &Folder, found: &str) -> f64 {
     let objects = |name: &str| folder.json(name)["objects"].as_array().unwrap().clone();
     let (found, expected) = (objects(found), objects("expected.json"));
     assert_eq!(found.len(), expected.len());
-    let center = |object: &Value, k: usize| object["ellipsoid"]["center"][k].as_f64().unwrap();
+    let center = |object: &Value, k: usize| object["body"]["center"][k].as_f64().unwrap();
     let mut largest: f64 = 0.0;
     for (a, b) in found.iter().zip(&expected) {
         assert_eq!((&a["id"], &a["category"]), (&b["id"], &b["category"]));

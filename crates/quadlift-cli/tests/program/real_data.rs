@@ -27,7 +27,7 @@ fn mean(scores: &Value, name: &str) -> f64 {
 fn objects_on_a_turntable() {
     let objects = ["ape", "can", "cat", "driller", "duck", "glue", "iron", "vise"];
     let scores: Vec<Value> =
-        objects.iter().filter_map(|name| score(&format!("accv_{name}.json"), "--source yolo")).collect();
+        objects.iter().filter_map(|name| score(&format!("accv_{name}.json"), "--source yolo --enclosing")).collect();
     if scores.is_empty() {
         return;
     }

@@ -176,11 +176,11 @@ fn hostile_maps_and_images_are_answered() {
     // Millimeters: the same poses in the unit of the map.
     with_objects("mm.json", &|objects| {
         for object in objects.iter_mut() {
-            let body = object["ellipsoid"].clone();
+            let body = object["body"].clone();
             let scaled = |field: &str| {
                 body[field].as_array().unwrap().iter().map(|x| 1e3 * x.as_f64().unwrap()).collect::<Vec<_>>()
             };
-            let (center, semi_axes) = (scaled("center"), scaled("semi_axes"));
+            let (center, semi_axes) = (scaled("center"), scaled("half_extents"));
             let ellipsoid = json!({"center": center, "semi_axes": semi_axes, "rotation": body["rotation"]});
             *object = json!({"id": object["id"], "ellipsoid": ellipsoid});
         }
@@ -231,4 +231,25 @@ fn images_of_another_size_do_not_fit_the_map() {
     let run = folder.run("relocalize map.json query.json -o located.json --allow-inconsistent --json");
     let told: Value = serde_json::from_str(&run.stdout).unwrap();
     assert_eq!((run.code, &told["mistake"]["name"]), (0, &json!("image_size")));
+}
+
+/// A map of cuboids and cylinders predicts their boxes, not those of the ellipsoids closest to them.
+#[test]
+fn images_of_rooms_of_boxes_and_cans_are_located() {
+    let folder = Folder::new();
+    folder.succeed("synth -q -o room.json --objects 15 --views 12 --noise box:0.03 --body cuboid,cuboid,cylinder");
+    folder.succeed("localize -q room.json -o map.json");
+    let kinds = |kind: &str| {
+        let map = folder.json("map.json");
+        map["objects"].as_array().unwrap().iter().filter(|object| object["body"]["kind"] == kind).count()
+    };
+    assert!(kinds("cuboid") > 4 && kinds("cylinder") > 2);
+    folder.succeed("relocalize -q map.json room.json --include-posed -o located.json");
+    let (located, truth) = (folder.json("located.json"), folder.json("room.json"));
+    for (frame, given) in located["frames"].as_array().unwrap().iter().zip(truth["frames"].as_array().unwrap()) {
+        assert_eq!(frame["location"]["status"], "ok", "{frame}");
+        // 2 % of their distance from the middle.
+        let off = apart(&frame["cam_from_world"], &given["cam_from_world"]);
+        assert!(off < 4.0, "{}: {off}", frame["id"]);
+    }
 }

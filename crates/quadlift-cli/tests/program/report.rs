@@ -25,7 +25,7 @@ fn view(folder: &Folder, files: &str) -> Value {
 fn a_report_has_estimates_truth_scores_and_rejected_boxes() {
     let folder = Folder::new();
     folder.succeed("synth -o scene.json --objects 8 --views 20 --scale 0.05 --noise box:0.05 --outliers 0.05");
-    folder.succeed("localize scene.json -o estimate.json -q");
+    folder.succeed("localize scene.json -o estimate.json -q --enclosing");
     folder.succeed("evaluate estimate.json scene.json --report scores.html");
     let report = data(&folder.read("scores.html"));
     let objects = report["objects"].as_array().unwrap();
@@ -97,7 +97,7 @@ fn segment_shows_ellipses() {
 fn view_shows_files_together_in_any_order() {
     let folder = Folder::new();
     folder.succeed("synth -o scene.json --objects 3 --views 6");
-    folder.succeed("localize scene.json -o estimate.json -q");
+    folder.succeed("localize scene.json -o estimate.json -q --enclosing");
     let report = view(&folder, "estimate.json scene.json");
     assert_eq!(report["scores"]["rows"].as_array().unwrap().len(), 3);
     assert_eq!(report["frames"][0]["detections"]["object"].as_array().unwrap().len(), 3);

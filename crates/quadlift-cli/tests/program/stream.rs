@@ -231,7 +231,7 @@ fn depths_and_3d_boxes_reach_the_map_the_state_and_the_estimates() {
     folder.succeed("localize scene.json -q -o meters.json --assume pose_unit=cm");
     let sizes = |path: &str, factor: f64| -> Vec<i64> {
         let axes = folder.json(path)["objects"].as_array().unwrap().clone();
-        let axes = axes.iter().map(|o| o["ellipsoid"]["semi_axes"][0].as_f64().unwrap() * factor * 1e3);
+        let axes = axes.iter().map(|o| o["body"]["half_extents"][0].as_f64().unwrap() * factor * 1e3);
         let mut axes: Vec<i64> = axes.map(|x| x.round() as i64).collect();
         axes.sort_unstable();
         axes

@@ -43,7 +43,7 @@ fn map_object(object: &ObjectBodies) -> Option<MapObject> {
         return None;
     }
     Some(MapObject {
-        ellipsoid: object.ellipsoid().or_else(|| Some(object.body()?.ellipsoid()))?,
+        ellipsoid: object.ellipsoid().or_else(|| Some(object.body()?.closest_ellipsoid()))?,
         covariance: object.covariance,
         category: object.category.clone(),
     })

@@ -81,7 +81,7 @@ fn move_object(object: &mut ObjectRecord, to: &Similarity) {
         lengths.into_iter().for_each(|length| *length *= to.scale);
     };
     object.bodies_mut().into_iter().for_each(move_body);
-    object.alternatives.iter_mut().for_each(|other| move_body(other.body.record_mut()));
+    object.half_extents_sd = object.half_extents_sd.map(|sd| sd.map(|sd| sd * to.scale));
     if let Some(covariance) = &mut object.covariance {
         move_covariance(covariance, to);
     }

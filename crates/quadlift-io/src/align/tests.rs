@@ -15,8 +15,8 @@ fn map(places: &[(&str, [f64; 3])]) -> SceneFile {
         .map(|(id, center)| {
             json!({
                 "id": id, "category": id.trim_start_matches("b:"), "status": "ok", "center": center, "center_sd": 0.01,
-                "ellipsoid": {"center": center, "semi_axes": [0.3, 0.2, 0.1], "rotation": [1, 0, 0, 0]},
-                "cuboid": {"center": center, "half_extents": [0.3, 0.2, 0.1], "rotation": [1, 0, 0, 0]},
+                "body": {"kind": "ellipsoid", "center": center, "half_extents": [0.3, 0.2, 0.1], "rotation": [1, 0, 0, 0]},
+                "half_extents_sd": [0.03, 0.02, 0.01],
                 "covariance": {"coordinates": "center_vech_shape", "matrix": covariance()},
                 "view_residuals_px": [{"frame": "f0", "inlier": true}],
             })

@@ -7,7 +7,7 @@ mod scores;
 use std::collections::HashSet;
 use std::path::Path;
 
-use quadlift::geometry::{Ellipsoid, Projection};
+use quadlift::geometry::{Body, Ellipsoid, Projection};
 use quadlift::metrics::{
     EstimatedObject, Evaluation, ObjectDetectionScore, PairedBy, TruthObject, evaluate, score_found,
 };
@@ -94,17 +94,15 @@ pub fn evaluate_objects(
     // An unreliable estimate finds nothing: `localize` does not count it either.
     let is_ok = |object: &EstimatedObject| object.status.is_empty() || object.status == Status::Ok.name();
     let found: Vec<Option<Ellipsoid>> =
-        estimated.iter().filter(|object| is_ok(object)).map(|object| object.ellipsoid).collect();
+        estimated.iter().filter(|object| is_ok(object)).map(|object| Some(object.body?.closest_ellipsoid())).collect();
     let bodies: Vec<Ellipsoid> = true_objects.iter().filter_map(TruthObject::ellipsoid).collect();
     Ok((evaluation, score_found(&found, &bodies, MIN_IOU)))
 }
 
 fn estimated_object(object: ObjectBodies) -> EstimatedObject {
     EstimatedObject {
-        ellipsoid: object.ellipsoid(),
-        enclosing_ellipsoid: object.enclosing_ellipsoid(),
-        cuboid: object.cuboid(),
-        enclosing_cuboid: object.enclosing_cuboid(),
+        body: object.body(),
+        enclosing: object.enclosing.as_ref().map(Body::closest_ellipsoid),
         id: object.id,
         status: object.status.map(Status::name).unwrap_or_default().to_owned(),
         center: object.center,

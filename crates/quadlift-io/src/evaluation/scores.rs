@@ -35,7 +35,7 @@ pub enum Unit {
 }
 
 /// The scores, in the order in which they are shown.
-pub const COLUMNS: [Column; 9] = [
+pub const COLUMNS: [Column; 8] = [
     Column { name: "iou3d", title: "IoU", unit: Unit::Share, of: |o| o.iou3d, mean: |m| m.iou3d },
     Column {
         name: "iou3d_enclosing",
@@ -50,13 +50,6 @@ pub const COLUMNS: [Column; 9] = [
         unit: Unit::Share,
         of: |o| o.cuboid_iou3d,
         mean: |m| m.cuboid_iou3d,
-    },
-    Column {
-        name: "cuboid_iou3d_enclosing",
-        title: "encl. cuboid IoU",
-        unit: Unit::Share,
-        of: |o| o.cuboid_iou3d_enclosing,
-        mean: |m| m.cuboid_iou3d_enclosing,
     },
     Column {
         name: "axis_error",

@@ -6,7 +6,7 @@ use super::*;
 use crate::write::{BodyChoice, CheckedScene, mcap::mcap, test_scene};
 
 fn log_of(file: &SceneFile) -> Vec<u8> {
-    mcap(&CheckedScene::new(file, BodyChoice::Tangent).unwrap(), "map").content
+    mcap(&CheckedScene::new(file, BodyChoice::Body).unwrap(), "map").content
 }
 
 fn scene() -> SceneFile {

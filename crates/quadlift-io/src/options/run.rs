@@ -325,6 +325,20 @@ pub const RUN: &[Spec<RunOptions>] = &[
         ..ROW
     },
     Spec {
+        name: "enclosing",
+        short: "Add ellipsoids around the objects",
+        help: "Add to each object the ellipsoid that encloses it, parts of which may lie outside of its body: that of the paper's tables",
+        group: Group::Output,
+        of: &[Localize, Python],
+        whole_scene: true,
+        get: |o| o.localize.enclosing.into(),
+        set: |o, value| {
+            o.localize.enclosing = flag(&value)?;
+            Ok(())
+        },
+        ..ROW
+    },
+    Spec {
         name: "seed",
         kind: Kind::Whole(0),
         placeholder: "N",
@@ -437,7 +451,7 @@ mod tests {
             max_occluded: _,
             max_truncated: _,
             measurements: _,
-            enclosing_quantile: _,
+            enclosing: _,
             allow_inconsistent: _,
             plausible_sizes: _,
             seed: _,
@@ -474,6 +488,7 @@ mod tests {
             "max_truncated",
             "measurement",
             "allow_inconsistent",
+            "enclosing",
             "seed",
             "cross_validate",
         ];

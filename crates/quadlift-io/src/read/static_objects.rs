@@ -50,9 +50,9 @@ impl LabelledObjects {
                 Some(cuboid) => {
                     let (id, category) = (id.clone(), labels.category.clone());
                     let mut object = ObjectRecord { id, category, ..ObjectRecord::default() };
-                    object.set_body(&cuboid);
+                    object.set_true_body(&cuboid);
                     // A label is the box of a body of any kind: as in the papers, the ellipsoid inscribed in it is true.
-                    object.ellipsoid = Some((&cuboid.inscribed()).into());
+                    object.ellipsoid.iter_mut().for_each(|e| e.semi_axes = cuboid.half_extents.into());
                     still.push(object);
                 }
                 None => moving.push(id.clone()),

@@ -6,7 +6,7 @@ use nalgebra::Point3;
 use quadlift::geometry::{Body, BodyKind, Ellipsoid};
 use quadlift::solve::{Covariance, CovarianceCoordinates, Matrix9, Status};
 
-use super::object_records::{CovarianceRecord, ObjectRecord, finite_point};
+use super::object_records::{CovarianceRecord, KindRecord, ObjectRecord, finite_point};
 use super::records::SceneFile;
 use crate::error::EntryError;
 
@@ -21,43 +21,28 @@ pub struct ObjectBodies {
     pub status: Option<Status>,
     /// Center in the world: the given one, or that of a body.
     pub center: Option<Point3<f64>>,
-    /// The bodies, of an estimate those that are tangent to the measurements: an ellipsoid first, then those that it stands for.
+    /// The bodies: one of an estimate, of a true object one of each kind that the file gives, an ellipsoid first.
     pub bodies: Vec<Body>,
-    /// The enclosing bodies in the same order, which should contain the real object.
-    pub enclosing: Vec<Body>,
+    /// The ellipsoid that should contain the real object.
+    pub enclosing: Option<Body>,
     /// Uncertainty of an estimate.
     pub covariance: Option<Covariance>,
 }
 
 impl ObjectBodies {
-    /// The body that was estimated, of its kind: not the equivalent ellipsoid of a cuboid.
+    /// The body; of a true object the one that is no ellipsoid, where there are several.
     pub fn body(&self) -> Option<Body> {
         self.bodies.last().copied()
     }
 
-    /// The enclosing body of this kind, which should contain the real object.
-    pub fn enclosing_body(&self) -> Option<Body> {
-        self.enclosing.last().copied()
-    }
-
-    /// The ellipsoid, which may stand for another body.
+    /// The ellipsoid, of a true object also beside another body.
     pub fn ellipsoid(&self) -> Option<Ellipsoid> {
         of_kind(&self.bodies, BodyKind::Ellipsoid).map(|body| body.inscribed())
-    }
-
-    /// The enclosing ellipsoid.
-    pub(crate) fn enclosing_ellipsoid(&self) -> Option<Ellipsoid> {
-        of_kind(&self.enclosing, BodyKind::Ellipsoid).map(|body| body.inscribed())
     }
 
     /// The cuboid.
     pub fn cuboid(&self) -> Option<Body> {
         of_kind(&self.bodies, BodyKind::Cuboid)
-    }
-
-    /// The enclosing cuboid.
-    pub(crate) fn enclosing_cuboid(&self) -> Option<Body> {
-        of_kind(&self.enclosing, BodyKind::Cuboid)
     }
 }
 
@@ -94,10 +79,8 @@ impl ObjectRecord {
     pub fn to_alternatives(&self, entry: &str) -> Result<Vec<(Body, f64)>, EntryError> {
         let others = self.alternatives.iter().enumerate();
         others
-            .map(|(k, other)| {
-                let (kind, record) = other.body.parts();
-                Ok((record.to_body(&format!("{entry}.alternatives[{k}].{kind}"))?, other.log_odds))
-            })
+            .filter_map(|(k, other)| Some((k, other.body.as_ref()?, other.log_odds)))
+            .map(|(k, body, log_odds)| Ok((body.to_body(&format!("{entry}.alternatives[{k}].body"))?, log_odds)))
             .collect()
     }
 }
@@ -105,15 +88,18 @@ impl ObjectRecord {
 fn bodies(record: &ObjectRecord, entry: &str) -> Result<ObjectBodies, EntryError> {
     let place = |field: &str| format!("{entry}.{field}");
     let status = record.status.as_deref().map(|name| status(name, place("status"))).transpose()?;
-    let (mut bodies, mut enclosing) = (Vec::new(), Vec::new());
-    for (kind, [tangent, larger]) in record.bodies() {
-        if let Some(record) = tangent {
-            bodies.push(record.to_body(&place(kind))?);
-        }
-        if let Some(record) = larger {
-            enclosing.push(record.to_body(&format!("{entry}.enclosing_{kind}"))?);
-        }
+    let mut bodies = Vec::new();
+    for (kind, of_kind) in record.true_bodies() {
+        bodies.extend(of_kind.map(|of_kind| of_kind.to_body(&place(kind))).transpose()?);
     }
+    if status.is_some() && bodies.len() > 1 {
+        // An estimate of an older version: the ellipsoid stands for the other body.
+        bodies.drain(..bodies.len() - 1);
+    }
+    if let Some(body) = &record.body {
+        bodies = vec![body.to_body(&place("body"))?];
+    }
+    let enclosing = record.enclosing.as_ref().map(|body| body.to_body(&place("enclosing"))).transpose()?;
     let covariance = covariance(record.covariance.as_deref(), place("covariance"))?;
     let given = record.center.map(|center| finite_point(&center, place("center"))).transpose()?;
     Ok(ObjectBodies {

@@ -1,7 +1,7 @@
 //! Objects as they are written in a scene file: bodies, and what an estimator reports about them.
 
 use nalgebra::{Point3, Vector3};
-use quadlift::geometry::{Body, BodyKind, Ellipsoid, quaternion_from_rotation, rotation_from_quaternion};
+use quadlift::geometry::{Body, BodyKind, quaternion_from_rotation, rotation_from_quaternion};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -25,30 +25,30 @@ pub struct ObjectRecord {
     /// Standard deviation of the center per coordinate, world units.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub center_sd: Option<f64>,
-    /// The ellipsoid; of an estimate, the one that is tangent to the measurements.
+    /// The body of an estimate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<Box<BodyRecord>>,
+    /// Standard deviations of its half extents, world units.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "numbers::optional_list")]
+    pub half_extents_sd: Option<[f64; 3]>,
+    /// Standard deviations of its rotation, degrees: about the vertical, and away from it (see [`quadlift::solve::Estimate::rotation_sd`]).
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "numbers::optional_list")]
+    pub rotation_sd_deg: Option<[f64; 2]>,
+    /// The ellipsoid that should contain the real object, where it was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub enclosing: Option<Box<BodyRecord>>,
+    /// The ellipsoid of a true object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ellipsoid: Option<EllipsoidRecord>,
-    /// The enclosing ellipsoid, which should contain the real object.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub enclosing_ellipsoid: Option<EllipsoidRecord>,
-    /// The cuboid.
+    /// The cuboid of a true object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cuboid: Option<Box<CuboidRecord>>,
-    /// The enclosing cuboid, which should contain the real object.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub enclosing_cuboid: Option<Box<CuboidRecord>>,
-    /// The cylinder.
+    /// The cylinder of a true object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cylinder: Option<Box<CylinderRecord>>,
-    /// The enclosing cylinder, which should contain the real object.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub enclosing_cylinder: Option<Box<CylinderRecord>>,
-    /// The superellipsoid.
+    /// The superellipsoid of a true object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub superellipsoid: Option<Box<SuperellipsoidRecord>>,
-    /// The enclosing superellipsoid, which should contain the real object.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub enclosing_superellipsoid: Option<Box<SuperellipsoidRecord>>,
     /// Number of views that the estimate rests on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub views_used: Option<usize>,
@@ -154,26 +154,35 @@ pub struct SuperellipsoidRecord {
     pub extra: Map<String, Value>,
 }
 
-/// A body of any kind, under the name of its kind.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum BodyRecord {
-    /// An ellipsoid.
-    Ellipsoid(EllipsoidRecord),
-    /// A cuboid.
-    Cuboid(CuboidRecord),
-    /// A cylinder.
-    Cylinder(CylinderRecord),
-    /// A superellipsoid.
-    Superellipsoid(SuperellipsoidRecord),
+/// A body of any kind.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct BodyRecord {
+    /// `ellipsoid`, `cuboid`, `cylinder` or `superellipsoid` ([`BodyKind::name`]).
+    pub kind: String,
+    /// Center in the world.
+    #[serde(deserialize_with = "numbers::list")]
+    pub center: [f64; 3],
+    /// Unit quaternion `[w, x, y, z]`; the columns of the rotation are the axes, in the order of `half_extents`.
+    #[serde(deserialize_with = "numbers::list")]
+    pub rotation: [f64; 4],
+    /// Half the extents along its axes, world units: the semi-axes of an ellipsoid; the radii and half the height of a cylinder, whose axis
+    /// is the third.
+    #[serde(deserialize_with = "numbers::list")]
+    pub half_extents: [f64; 3],
+    /// Exponent of the support function of a superellipsoid, in [1, 2] (1 cuboid, 2 ellipsoid).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub support_exponent: Option<f64>,
+    /// Unknown fields.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
 }
 
 /// Another body that agrees with an object's measurements (see [`quadlift::solve::Alternative`]).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AlternativeRecord {
-    /// The body that touches the measurements.
-    #[serde(flatten)]
-    pub body: BodyRecord,
+    /// The body; in files of older versions it has another form, which is not read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<BodyRecord>,
     /// Natural logarithm of its odds against the reported body.
     pub log_odds: f64,
     /// Unknown fields.
@@ -262,6 +271,24 @@ pub(crate) trait KindRecord {
     fn parts_mut(&mut self) -> (&mut [f64; 3], &mut [f64; 4], Vec<&mut f64>);
 }
 
+impl KindRecord for BodyRecord {
+    fn to_body(&self, place: &str) -> Result<Body, EntryError> {
+        let exponent = self.support_exponent.unwrap_or(f64::NAN);
+        let kind = BodyKind::named(&self.kind, exponent).ok_or_else(|| {
+            let known = BodyKind::ALL.map(BodyKind::name).join(", ");
+            let problem = format!("unknown kind of body \"{}\"; expected one of {known}", self.kind);
+            EntryError::new(format!("{place}.kind"), problem)
+        })?;
+        checked_exponent(kind, place)?;
+        let half_extents = positive(&self.half_extents, place, "half_extents");
+        checked(kind, &self.center, half_extents, &self.rotation, place)
+    }
+
+    fn parts_mut(&mut self) -> (&mut [f64; 3], &mut [f64; 4], Vec<&mut f64>) {
+        (&mut self.center, &mut self.rotation, self.half_extents.iter_mut().collect())
+    }
+}
+
 impl KindRecord for EllipsoidRecord {
     fn to_body(&self, place: &str) -> Result<Body, EntryError> {
         let semi_axes = positive(&self.semi_axes, place, "semi_axes");
@@ -306,17 +333,24 @@ impl KindRecord for CylinderRecord {
 
 impl KindRecord for SuperellipsoidRecord {
     fn to_body(&self, place: &str) -> Result<Body, EntryError> {
-        let exponent = self.support_exponent;
-        if !(1.0..=2.0).contains(&exponent) {
-            let problem = format!("{exponent} is not a number from 1 (cuboid) to 2 (ellipsoid)");
-            return Err(EntryError::new(format!("{place}.support_exponent"), problem));
-        }
+        let kind = BodyKind::Superellipsoid(self.support_exponent);
+        checked_exponent(kind, place)?;
         let semi_axes = positive(&self.semi_axes, place, "semi_axes");
-        checked(BodyKind::Superellipsoid(exponent), &self.center, semi_axes, &self.rotation, place)
+        checked(kind, &self.center, semi_axes, &self.rotation, place)
     }
 
     fn parts_mut(&mut self) -> (&mut [f64; 3], &mut [f64; 4], Vec<&mut f64>) {
         (&mut self.center, &mut self.rotation, self.semi_axes.iter_mut().collect())
+    }
+}
+
+fn checked_exponent(kind: BodyKind, place: &str) -> Result<(), EntryError> {
+    match kind.parameter().filter(|exponent| !(1.0..=2.0).contains(exponent)) {
+        Some(exponent) => {
+            let problem = format!("{exponent} is not a number from 1 (cuboid) to 2 (ellipsoid)");
+            Err(EntryError::new(format!("{place}.support_exponent"), problem))
+        }
+        None => Ok(()),
     }
 }
 
@@ -353,103 +387,64 @@ fn positive(lengths: &[f64; 3], place: &str, field: &str) -> Result<Vector3<f64>
     Err(EntryError::new(format!("{place}.{field}"), format!("expected three positive numbers, found {lengths:?}")))
 }
 
-impl From<&Ellipsoid> for EllipsoidRecord {
-    fn from(body: &Ellipsoid) -> Self {
-        let (semi_axes, rotation) = (body.semi_axes.into(), quaternion_from_rotation(&body.rotation));
-        Self { center: body.center.coords.into(), semi_axes, rotation, extra: Map::new() }
-    }
-}
-
 impl From<&Body> for BodyRecord {
     fn from(body: &Body) -> Self {
-        let (center, half_extents) = (body.center.coords.into(), body.half_extents.into());
-        let (rotation, extra) = (quaternion_from_rotation(&body.rotation), Map::new());
-        match body.kind {
-            BodyKind::Ellipsoid => {
-                Self::Ellipsoid(EllipsoidRecord { center, semi_axes: half_extents, rotation, extra })
-            }
-            BodyKind::Cuboid => Self::Cuboid(CuboidRecord { center, half_extents, rotation, extra }),
-            BodyKind::Cylinder => {
-                let [x, y, half_height] = half_extents;
-                Self::Cylinder(CylinderRecord { center, radii: [x, y], half_height, rotation, extra })
-            }
-            BodyKind::Superellipsoid(support_exponent) => {
-                let semi_axes = half_extents;
-                Self::Superellipsoid(SuperellipsoidRecord { center, semi_axes, rotation, support_exponent, extra })
-            }
+        Self {
+            kind: body.kind.name().to_owned(),
+            center: body.center.coords.into(),
+            rotation: quaternion_from_rotation(&body.rotation),
+            half_extents: body.half_extents.into(),
+            support_exponent: body.kind.parameter(),
+            extra: Map::new(),
         }
     }
 }
-
-impl BodyRecord {
-    /// The name of the kind, and the record.
-    pub(crate) fn parts(&self) -> (&'static str, &dyn KindRecord) {
-        match self {
-            Self::Ellipsoid(record) => ("ellipsoid", record),
-            Self::Cuboid(record) => ("cuboid", record),
-            Self::Cylinder(record) => ("cylinder", record),
-            Self::Superellipsoid(record) => ("superellipsoid", record),
-        }
-    }
-
-    /// The record.
-    pub(crate) fn record_mut(&mut self) -> &mut dyn KindRecord {
-        match self {
-            Self::Ellipsoid(record) => record,
-            Self::Cuboid(record) => record,
-            Self::Cylinder(record) => record,
-            Self::Superellipsoid(record) => record,
-        }
-    }
-}
-
-/// The name of a kind, the record of the body and that of the enclosing one.
-pub(crate) type NamedRecords<'a> = (&'static str, [Option<&'a dyn KindRecord>; 2]);
 
 impl ObjectRecord {
-    /// The bodies of all kinds, the ellipsoid first.
-    pub(crate) fn bodies(&self) -> [NamedRecords<'_>; 4] {
+    /// The bodies of a true object, the ellipsoid first, with their names.
+    pub(crate) fn true_bodies(&self) -> [(&'static str, Option<&dyn KindRecord>); 4] {
         fn of<R: KindRecord>(record: Option<&R>) -> Option<&dyn KindRecord> {
             record.map(|record| record as _)
         }
         [
-            ("ellipsoid", [of(self.ellipsoid.as_ref()), of(self.enclosing_ellipsoid.as_ref())]),
-            ("cuboid", [of(self.cuboid.as_deref()), of(self.enclosing_cuboid.as_deref())]),
-            ("cylinder", [of(self.cylinder.as_deref()), of(self.enclosing_cylinder.as_deref())]),
-            ("superellipsoid", [of(self.superellipsoid.as_deref()), of(self.enclosing_superellipsoid.as_deref())]),
+            ("ellipsoid", of(self.ellipsoid.as_ref())),
+            ("cuboid", of(self.cuboid.as_deref())),
+            ("cylinder", of(self.cylinder.as_deref())),
+            ("superellipsoid", of(self.superellipsoid.as_deref())),
         ]
     }
 
-    /// The bodies of all kinds and the enclosing ones.
+    /// All bodies.
     pub(crate) fn bodies_mut(&mut self) -> Vec<&mut dyn KindRecord> {
         let mut all: Vec<&mut dyn KindRecord> = Vec::new();
-        all.extend(self.ellipsoid.iter_mut().chain(&mut self.enclosing_ellipsoid).map(|record| record as _));
-        all.extend(self.cuboid.iter_mut().chain(&mut self.enclosing_cuboid).map(|record| &mut **record as _));
-        all.extend(self.cylinder.iter_mut().chain(&mut self.enclosing_cylinder).map(|record| &mut **record as _));
-        let superellipsoids = self.superellipsoid.iter_mut().chain(&mut self.enclosing_superellipsoid);
-        all.extend(superellipsoids.map(|record| &mut **record as _));
+        all.extend(self.body.iter_mut().chain(&mut self.enclosing).map(|record| &mut **record as _));
+        all.extend(self.ellipsoid.iter_mut().map(|record| record as _));
+        all.extend(self.cuboid.iter_mut().map(|record| &mut **record as _));
+        all.extend(self.cylinder.iter_mut().map(|record| &mut **record as _));
+        all.extend(self.superellipsoid.iter_mut().map(|record| &mut **record as _));
+        all.extend(self.alternatives.iter_mut().filter_map(|other| other.body.as_mut().map(|record| record as _)));
         all
     }
 
-    /// Sets the body of its kind and its equivalent ellipsoid.
-    pub(crate) fn set_body(&mut self, body: &Body) {
-        self.ellipsoid = Some((&body.ellipsoid()).into());
-        match body.into() {
-            BodyRecord::Ellipsoid(_) => {}
-            BodyRecord::Cuboid(record) => self.cuboid = Some(Box::new(record)),
-            BodyRecord::Cylinder(record) => self.cylinder = Some(Box::new(record)),
-            BodyRecord::Superellipsoid(record) => self.superellipsoid = Some(Box::new(record)),
-        }
-    }
-
-    /// The same for the enclosing body.
-    pub(crate) fn set_enclosing_body(&mut self, body: &Body) {
-        self.enclosing_ellipsoid = Some((&body.ellipsoid()).into());
-        match body.into() {
-            BodyRecord::Ellipsoid(_) => {}
-            BodyRecord::Cuboid(record) => self.enclosing_cuboid = Some(Box::new(record)),
-            BodyRecord::Cylinder(record) => self.enclosing_cylinder = Some(Box::new(record)),
-            BodyRecord::Superellipsoid(record) => self.enclosing_superellipsoid = Some(Box::new(record)),
+    /// Sets the body of a true object under the name of its kind, and its closest ellipsoid.
+    pub(crate) fn set_true_body(&mut self, body: &Body) {
+        let (center, half_extents) = (body.center.coords.into(), body.half_extents.into());
+        let (rotation, extra) = (quaternion_from_rotation(&body.rotation), Map::new());
+        let semi_axes = body.closest_ellipsoid().semi_axes.into();
+        self.ellipsoid = Some(EllipsoidRecord { center, semi_axes, rotation, extra: extra.clone() });
+        match body.kind {
+            BodyKind::Ellipsoid => {}
+            BodyKind::Cuboid => self.cuboid = Some(Box::new(CuboidRecord { center, half_extents, rotation, extra })),
+            BodyKind::Cylinder => {
+                let [x, y, half_height] = half_extents;
+                let record = CylinderRecord { center, radii: [x, y], half_height, rotation, extra };
+                self.cylinder = Some(Box::new(record));
+            }
+            BodyKind::Superellipsoid(support_exponent) => {
+                let semi_axes = half_extents;
+                let record = SuperellipsoidRecord { center, semi_axes, rotation, support_exponent, extra };
+                self.superellipsoid = Some(Box::new(record));
+            }
         }
     }
 }

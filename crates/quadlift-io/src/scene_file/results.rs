@@ -2,6 +2,7 @@
 
 use quadlift::Localization;
 use quadlift::cross_validation::{Extent, ObjectCrossValidation};
+use quadlift::geometry::Body;
 use quadlift::scene::Scene;
 use quadlift::solve::{Alternative, Estimate};
 use serde_json::Map;
@@ -77,12 +78,19 @@ fn object(scene: &Scene, estimate: &Estimate, checked: Option<&ObjectCrossValida
     let frame_id = |index: usize| scene.frames.get(index).map(|frame| frame.id.clone()).unwrap_or_default();
     let finite = |x: &f64| x.is_finite();
     let figure = |x: f64| significant(x, FIGURE_DIGITS);
-    let mut record = ObjectRecord {
+    ObjectRecord {
         id: scene.object_ids.get(estimate.object_index).cloned().unwrap_or_default(),
         category: estimate.category_index.and_then(|index| scene.categories.get(index).cloned()),
         status: Some(estimate.status.name().to_owned()),
         center: estimate.center.map(|center| center.coords.into()).filter(|c: &[f64; 3]| c.iter().all(finite)),
         center_sd: estimate.center_sd().filter(finite).map(figure),
+        body: estimate.body.as_ref().map(|body| Box::new(body.into())),
+        half_extents_sd: estimate.half_extents_sd().filter(|sd| sd.iter().all(finite)).map(|sd| sd.map(figure).into()),
+        rotation_sd_deg: estimate
+            .rotation_sd(scene.up.as_ref())
+            .filter(|sd| sd.iter().all(finite))
+            .map(|sd| sd.map(|x| figure(x.to_degrees()))),
+        enclosing: estimate.enclosing.map(|body| Box::new((&Body::from(body)).into())),
         views_used: Some(estimate.views_used()),
         views_rejected: estimate
             .views
@@ -125,21 +133,12 @@ fn object(scene: &Scene, estimate: &Estimate, checked: Option<&ObjectCrossValida
             })
         }),
         ..Default::default()
-    };
-    if let Some(body) = &estimate.body {
-        record.set_body(body);
     }
-    if let Some(body) = &estimate.enclosing_body() {
-        record.set_enclosing_body(body);
-        record.enclosing_ellipsoid = estimate.enclosing_ellipsoid().as_ref().map(Into::into);
-    }
-    record
 }
 
-/// Other answers are cuboids: of no other body any are sought.
 fn alternative(other: &Alternative) -> Option<AlternativeRecord> {
     let Alternative { body, log_odds } = other;
-    log_odds.is_finite().then(|| AlternativeRecord { body: body.into(), log_odds: *log_odds, extra: Map::new() })
+    log_odds.is_finite().then(|| AlternativeRecord { body: Some(body.into()), log_odds: *log_odds, extra: Map::new() })
 }
 
 #[cfg(test)]
@@ -147,7 +146,7 @@ mod tests {
     use super::*;
     use crate::scene_file::SceneFile;
     use nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
-    use quadlift::geometry::{Body, BodyKind, Ellipsoid, Projection};
+    use quadlift::geometry::{BodyKind, Ellipsoid, Projection};
     use quadlift::scene::{NewDetection, SceneBuilder};
     use quadlift::solve::{
         Covariance, CovarianceCoordinates, Matrix9, Rejection, SceneSolution, Status, ViewReport, Warning,
@@ -180,8 +179,7 @@ mod tests {
         Estimate {
             center: Some(Point3::new(1.0, 2.0, 3.0)),
             body: Some(body),
-            enclosing_scale: Some(1.25),
-            enclosing: None,
+            enclosing: Some(Ellipsoid { semi_axes: body.half_extents * 1.25, ..body.inscribed() }),
             covariance: Some(Covariance { coordinates: CovarianceCoordinates::CenterVechShape, matrix }),
             views: vec![
                 ViewReport { residual_px: Some(1.5), ..ViewReport::without_body(0) },
@@ -230,20 +228,18 @@ mod tests {
             assert_eq!(object.status, Some(Status::Ok));
             assert_eq!(object.center, estimate.center);
             assert_eq!(object.covariance, estimate.covariance);
-            assert!(close(&object.ellipsoid().unwrap(), &estimate.ellipsoid().unwrap()));
-            assert!(close(&object.enclosing_ellipsoid().unwrap(), &estimate.enclosing_ellipsoid().unwrap()));
+            assert!(close(&object.body().unwrap().closest_ellipsoid(), &estimate.closest_ellipsoid().unwrap()));
+            assert!(close(&object.enclosing.unwrap().inscribed(), &estimate.enclosing.unwrap()));
         }
         for (object, record) in objects.iter().zip(&back.objects) {
             assert_eq!(record.to_alternatives("").unwrap(), [(object.body().unwrap(), -0.5)]);
         }
         for (object, estimate) in objects.iter().zip(&estimates).skip(1) {
-            let (body, enclosing) = (object.body().unwrap(), object.enclosing_body().unwrap());
+            let body = object.body().unwrap();
             assert_eq!((Some(body.kind), body.half_extents), (estimate.body.map(|body| body.kind), lengths));
-            assert_eq!((enclosing.kind, enclosing.half_extents), (body.kind, lengths * 1.25));
         }
         assert_eq!(objects[1].cuboid().unwrap().half_extents, lengths);
-        assert!(objects[0].cuboid().is_none() && objects[0].bodies.len() == 1);
-        assert_eq!(back.objects[3].cylinder.as_ref().unwrap().half_height, 0.125);
+        assert!(objects[0].cuboid().is_none() && objects.iter().all(|object| object.bodies.len() == 1));
         let record = &back.objects[0];
         assert_eq!((record.views_used, record.residual_px), (Some(1), Some(1.5)));
         assert_eq!(record.views_rejected, ["f1"]);

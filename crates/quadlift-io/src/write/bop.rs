@@ -76,7 +76,7 @@ mod tests {
         let mut file = test_scene::three_bodies();
         // Half a turn, so that all numbers are exact.
         file.objects[1].cuboid.as_mut().unwrap().rotation = [0.0, 0.0, 0.0, 1.0];
-        let results = |file: &_| bop_results(&CheckedScene::new(file, BodyChoice::Tangent).unwrap(), 7, false);
+        let results = |file: &_| bop_results(&CheckedScene::new(file, BodyChoice::Body).unwrap(), 7, false);
         let document = results(&file);
         insta::assert_snapshot!(String::from_utf8(document.content).unwrap());
         assert_eq!((document.counts, document.notes.len()), (vec![("pose", 6)], 2));

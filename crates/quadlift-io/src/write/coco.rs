@@ -86,7 +86,7 @@ mod tests {
     fn boxes_are_those_of_the_projected_bodies() {
         let mut file = test_scene::three_bodies();
         file.objects[2].category = None;
-        let scene = CheckedScene::new(&file, BodyChoice::Tangent).unwrap();
+        let scene = CheckedScene::new(&file, BodyChoice::Body).unwrap();
         let document = coco(&scene, false);
         let json: Value = serde_json::from_slice(&document.content).unwrap();
         assert_eq!(document.counts, [("image", 2), ("box", 6)]);

@@ -10,7 +10,7 @@ use crate::error::EntryError;
 use crate::scene_file::{ObjectBodies, ObjectRecord, SceneFile};
 
 /// The columns of [`objects_csv`].
-pub(super) const OBJECT_COLUMNS: [&str; 24] = [
+pub(super) const OBJECT_COLUMNS: [&str; 26] = [
     "object",
     "category",
     "status",
@@ -28,9 +28,11 @@ pub(super) const OBJECT_COLUMNS: [&str; 24] = [
     "rotation_y",
     "rotation_z",
     "support_exponent",
-    "enclosing_half_extent_1",
-    "enclosing_half_extent_2",
-    "enclosing_half_extent_3",
+    "half_extent_1_sd",
+    "half_extent_2_sd",
+    "half_extent_3_sd",
+    "yaw_sd_deg",
+    "tilt_sd_deg",
     "views_used",
     "views_rejected",
     "residual_px",
@@ -70,11 +72,12 @@ pub(super) fn views_csv(file: &SceneFile) -> Document {
     Document { content: table(VIEW_COLUMNS, rows), counts: vec![("view", views().count())], notes: Vec::new() }
 }
 
-fn object_row(record: &ObjectRecord, bodies: &ObjectBodies, unit: &str) -> [String; 24] {
+fn object_row(record: &ObjectRecord, bodies: &ObjectBodies, unit: &str) -> [String; 26] {
     let body = bodies.body();
     let [x, y, z] = three(bodies.center.map(|center| center.coords.into()));
     let [a, b, c] = three(body.map(|body| body.half_extents.into()));
-    let [p, q, r] = three(bodies.enclosing_body().map(|body| body.half_extents.into()));
+    let [p, q, r] = three(record.half_extents_sd);
+    let [yaw, tilt] = record.rotation_sd_deg.map_or_else(Default::default, |sd| sd.map(|sd| sd.to_string()));
     let [qw, qx, qy, qz] = body.map_or_else(Default::default, |body| {
         quaternion_from_rotation(&body.rotation).map(|number| number.to_string())
     });
@@ -100,6 +103,8 @@ fn object_row(record: &ObjectRecord, bodies: &ObjectBodies, unit: &str) -> [Stri
         p,
         q,
         r,
+        yaw,
+        tilt,
         text(&record.views_used),
         text(&estimated.then_some(record.views_rejected.len())),
         text(&record.residual_px),

@@ -56,7 +56,7 @@ mod tests {
     #[test]
     fn frusta_open_towards_what_the_camera_sees() {
         let file = test_scene::three_bodies();
-        let scene = CheckedScene::new(&file, BodyChoice::Tangent).unwrap();
+        let scene = CheckedScene::new(&file, BodyChoice::Body).unwrap();
         let frusta = scene.frusta(Some(5.0));
         // The first camera looks along y from y = -10, its image is 640 pixels wide with a focal length of 500: at depth
         // 5 the corner is 3.2 to the left and 2.4 above.

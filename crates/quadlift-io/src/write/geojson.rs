@@ -222,7 +222,7 @@ mod tests {
     const ORIGIN: Place = Place { latitude: 48.2, longitude: 16.37, altitude: 170.0 };
 
     fn export(file: &SceneFile, options: &GeoJsonOptions) -> Result<(Value, Document), EntryError> {
-        let mut scene = CheckedScene::new(file, BodyChoice::Tangent)?;
+        let mut scene = CheckedScene::new(file, BodyChoice::Body)?;
         let mut matrix = nalgebra::SMatrix::<f64, 9, 9>::identity();
         matrix.fixed_view_mut::<2, 2>(0, 0).copy_from(&Matrix2::new(0.04, 0.03, 0.03, 0.09));
         scene.objects[0].covariance = Some(Covariance { coordinates: CovarianceCoordinates::CenterVechShape, matrix });

@@ -256,7 +256,7 @@ mod tests {
     }
 
     fn written(file: &SceneFile) -> (Value, Vec<u8>, Vec<String>) {
-        let document = glb(&CheckedScene::new(file, BodyChoice::Tangent).unwrap(), Some(1.0));
+        let document = glb(&CheckedScene::new(file, BodyChoice::Body).unwrap(), Some(1.0));
         let (json, binary) = parse(&document.content);
         (json, binary.to_vec(), document.notes)
     }

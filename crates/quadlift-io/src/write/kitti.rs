@@ -126,7 +126,7 @@ mod tests {
     use quadlift::geometry::{Body, BodyKind};
 
     fn labels(file: &SceneFile, options: &KittiLabelOptions) -> (String, Vec<String>) {
-        let document = kitti_labels(&CheckedScene::new(file, BodyChoice::Tangent).unwrap(), options);
+        let document = kitti_labels(&CheckedScene::new(file, BodyChoice::Body).unwrap(), options);
         (String::from_utf8(document.content).unwrap(), document.notes)
     }
 
@@ -150,7 +150,7 @@ mod tests {
             half_extents: Vector3::new(1.0, 0.4, 0.3),
             rotation,
         };
-        file.objects[1].set_body(&cuboid);
+        file.objects[1].set_true_body(&cuboid);
         let mut shift = Matrix4::identity();
         shift[(0, 3)] = 0.06;
         let options = KittiLabelOptions { cam_from_rect: Some(shift), ..KittiLabelOptions::default() };
@@ -185,7 +185,7 @@ mod tests {
             half_extents: Vector3::new(0.3, 1.0, 0.4),
             rotation,
         };
-        file.objects[1].set_body(&cuboid);
+        file.objects[1].set_true_body(&cuboid);
         let (text, _) = labels(&file, &KittiLabelOptions::default());
         let labels = parse_labels("labels.txt".as_ref(), text.as_bytes()).unwrap();
         let pose = file.to_scene().unwrap().frames[0].projection.camera_pose().unwrap();

@@ -74,10 +74,10 @@ pub struct Document {
 /// Which body of an object is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum BodyChoice {
-    /// The tangent body; for a true object, its body.
+    /// The body.
     #[default]
-    Tangent,
-    /// The enclosing body; if there is none, as [`BodyChoice::Tangent`].
+    Body,
+    /// The enclosing ellipsoid; if there is none, as [`BodyChoice::Body`].
     Enclosing,
 }
 
@@ -99,7 +99,7 @@ struct Object {
     id: String,
     category: Option<String>,
     body: Body,
-    /// Of the tangent body.
+    /// Of the body.
     covariance: Option<Covariance>,
 }
 
@@ -107,12 +107,17 @@ impl<'a> CheckedScene<'a> {
     /// Checks a scene and takes one body of each object.
     ///
     /// # Errors
-    /// [`EntryError`] as [`SceneFile::to_scene`] and [`SceneFile::to_objects`].
+    /// [`EntryError`] as [`SceneFile::to_scene`] and [`SceneFile::to_objects`], or if enclosing ellipsoids are asked for and there is none.
     pub fn new(file: &'a SceneFile, choice: BodyChoice) -> Result<Self, EntryError> {
         let scene = file.to_scene()?;
         let (mut objects, mut without_body, mut not_ok) = (Vec::new(), Vec::new(), Vec::new());
-        for object in file.to_objects()? {
-            let enclosing = if choice == BodyChoice::Enclosing { object.enclosing_body() } else { None };
+        let all = file.to_objects()?;
+        if choice == BodyChoice::Enclosing && !all.is_empty() && all.iter().all(|object| object.enclosing.is_none()) {
+            let problem = "no object has an enclosing ellipsoid; \"quadlift localize --enclosing\" adds them";
+            return Err(EntryError::new("objects", problem));
+        }
+        for object in all {
+            let enclosing = if choice == BodyChoice::Enclosing { object.enclosing } else { None };
             match enclosing.or(object.body()) {
                 Some(body) => {
                     if object.status.is_some_and(|status| status != Status::Ok) {
@@ -188,7 +193,7 @@ mod tests {
     fn bodies_are_those_of_the_estimate_and_their_absence_is_told() {
         let mut file = test_scene::three_bodies();
         file.objects.push(ObjectRecord { id: "lost".into(), ..ObjectRecord::default() });
-        let checked = CheckedScene::new(&file, BodyChoice::Tangent).unwrap();
+        let checked = CheckedScene::new(&file, BodyChoice::Body).unwrap();
         let kinds: Vec<BodyKind> = checked.objects.iter().map(|object| object.body.kind).collect();
         assert_eq!(kinds, [BodyKind::Ellipsoid, BodyKind::Cuboid, BodyKind::Superellipsoid(1.5)]);
         assert_eq!((checked.bodies(), &checked.without_body[..]), (3, &["lost".to_owned()][..]));
@@ -196,9 +201,11 @@ mod tests {
         let enclosing = CheckedScene::new(&file, BodyChoice::Enclosing).unwrap();
         let half = |scene: &CheckedScene, k: usize| scene.objects[k].body.half_extents.x;
         let factor = |k: usize| half(&enclosing, k) / half(&checked, k);
-        // The last one has no enclosing body.
+        // The last one has no enclosing ellipsoid.
         assert_eq!([factor(0), factor(1), factor(2)], [1.25, 1.25, 1.0]);
+        file.objects.iter_mut().for_each(|object| object.enclosing = None);
+        assert_eq!(CheckedScene::new(&file, BodyChoice::Enclosing).unwrap_err().entry, "objects");
         file.objects[0].ellipsoid.as_mut().unwrap().semi_axes[1] = -1.0;
-        assert_eq!(CheckedScene::new(&file, BodyChoice::Tangent).unwrap_err().entry, "objects[0].ellipsoid.semi_axes");
+        assert_eq!(CheckedScene::new(&file, BodyChoice::Body).unwrap_err().entry, "objects[0].ellipsoid.semi_axes");
     }
 }

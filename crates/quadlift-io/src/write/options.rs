@@ -8,7 +8,7 @@ use crate::format_options::{FormatOption, name, number, path, whole};
 /// The options of all formats; each writes with its own ([`super::format::ExportFormat::options`]).
 #[derive(Debug, Clone, PartialEq)]
 pub struct WriteOptions {
-    /// Whether the enclosing bodies are written instead of the tangent ones.
+    /// Whether enclosing ellipsoids are written instead of the bodies.
     pub enclosing: bool,
     /// Depth of the camera frusta in world units; 0 omits them.
     pub frusta: Option<f64>,
@@ -65,7 +65,7 @@ pub const WRITE: &[Write] = &[
     Write::new(
         "enclosing",
         "",
-        "Export the enclosing bodies, which contain the real objects, instead of the tangent ones",
+        "Export the ellipsoids around the objects (of localize --enclosing) instead of the bodies",
         |o, _| {
             o.enclosing = true;
             Ok(())

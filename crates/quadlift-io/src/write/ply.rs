@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn bodies_and_cameras_are_where_they_should_be() {
         let file = test_scene::three_bodies();
-        let document = ply(&CheckedScene::new(&file, BodyChoice::Tangent).unwrap(), Some(1.0));
+        let document = ply(&CheckedScene::new(&file, BodyChoice::Body).unwrap(), Some(1.0));
         assert!(document.content.starts_with(b"ply\nformat binary_little_endian 1.0\ncomment "));
         assert_eq!(document.counts, [("object", 3), ("camera", 2)]);
         let Parsed { points, colors, faces } = parse(&document.content);
@@ -139,7 +139,7 @@ mod tests {
     #[test]
     fn frusta_are_closed_and_face_outwards() {
         let file = test_scene::three_bodies();
-        let scene = CheckedScene::new(&file, BodyChoice::Tangent).unwrap();
+        let scene = CheckedScene::new(&file, BodyChoice::Body).unwrap();
         let points = scene.frusta(Some(1.0))[0].map(|p| p.coords);
         let volume: f64 = FRUSTUM
             .iter()

@@ -11,10 +11,8 @@ pub(crate) fn three_bodies() -> SceneFile {
     let object = |id: &str, category: Option<&str>, body: Body, enclosing: Option<f64>| {
         let mut record =
             ObjectRecord { id: id.into(), category: category.map(str::to_owned), ..ObjectRecord::default() };
-        record.set_body(&body);
-        if let Some(factor) = enclosing {
-            record.set_enclosing_body(&body.scaled(factor));
-        }
+        record.set_true_body(&body);
+        record.enclosing = enclosing.map(|factor| Box::new((&body.scaled(factor)).into()));
         record
     };
     let turn = |angle: f64| Rotation3::from_axis_angle(&Vector3::z_axis(), angle);

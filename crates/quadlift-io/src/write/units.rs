@@ -46,7 +46,7 @@ mod tests {
     fn units_are_converted_or_told() {
         let meters = |unit: Option<&str>| {
             let file = SceneFile { length_unit: unit.map(str::to_owned), ..SceneFile::default() };
-            CheckedScene::new(&file, BodyChoice::Tangent).unwrap().meters()
+            CheckedScene::new(&file, BodyChoice::Body).unwrap().meters()
         };
         assert_eq!(meters(Some("m")), (1.0, None));
         assert_eq!(meters(Some("mm")), (0.001, Some("lengths were converted from mm to meters".to_owned())));

@@ -75,7 +75,7 @@ mod tests {
     use crate::scene_file::SceneFile;
 
     fn seen(file: &SceneFile, only_detected: bool) -> Vec<SeenObject> {
-        CheckedScene::new(file, BodyChoice::Tangent).unwrap().seen_objects(only_detected)
+        CheckedScene::new(file, BodyChoice::Body).unwrap().seen_objects(only_detected)
     }
 
     #[test]
@@ -100,7 +100,7 @@ mod tests {
         let mut file = test_scene::three_bodies();
         file.objects[0].ellipsoid.as_mut().unwrap().center = [-9.0, 0.0, 0.0];
         file.objects[0].center = None;
-        let scene = CheckedScene::new(&file, BodyChoice::Tangent).unwrap();
+        let scene = CheckedScene::new(&file, BodyChoice::Body).unwrap();
         let of_frame = |k: usize| scene.objects_in_view(&scene.scene.frames[k]);
         let expected = |k: usize| -> Vec<&str> {
             let seen = scene.seen_objects(false).into_iter().filter(|s| s.frame_index == k);

@@ -72,7 +72,7 @@ pub fn drive() -> SceneFile {
 
 /// The log of a scene.
 pub fn log_of(file: &SceneFile) -> Vec<u8> {
-    mcap(&CheckedScene::new(file, BodyChoice::Tangent).unwrap(), "map").content
+    mcap(&CheckedScene::new(file, BodyChoice::Body).unwrap(), "map").content
 }
 
 /// The messages of a log that a robot sends.

@@ -73,7 +73,7 @@ impl MapObject {
     /// ellipsoid of the same reach.
     pub fn from_estimate(estimate: &Estimate, category: Option<String>) -> Option<Self> {
         (estimate.status == Status::Ok).then_some(())?;
-        Some(Self { ellipsoid: estimate.ellipsoid()?, covariance: estimate.covariance, category })
+        Some(Self { ellipsoid: estimate.closest_ellipsoid()?, covariance: estimate.covariance, category })
     }
 
     /// Its mirror image in the origin, which changes no shape: but for a rotation, where a map with left-handed axes has it.

@@ -58,7 +58,7 @@ fn objects_are_found_without_ids() {
     let (division, synthetic, association) = score(&base(0), &AssociateOptions::default());
     assert!(division.f1 >= 0.995 && division.adjusted_rand_index > 0.98, "{division:?}");
     assert_eq!((association.outcome, division.duplicates), (Outcome::Found, 0));
-    let truth: Vec<Ellipsoid> = synthetic.truth.iter().map(|(_, body)| body.ellipsoid()).collect();
+    let truth: Vec<Ellipsoid> = synthetic.truth.iter().map(|(_, body)| body.closest_ellipsoid()).collect();
     let found: Vec<_> = association.objects.iter().map(|o| o.ellipsoid).collect();
     let found = score_found(&found, &truth, 0.25);
     assert!(found.recall().unwrap() > 0.97 && found.precision().unwrap() > 0.97, "{found:?}");

@@ -86,8 +86,9 @@ mod tests {
         let mut scene = synthetic.scene;
         scene.0.categories = vec!["thing".to_owned()];
         scene.0.detections.iter_mut().for_each(|d| d.category_index = Some(0));
-        let extents: Vec<f64> =
-            (synthetic.truth.iter()).map(|(_, body)| 2.0 * body.ellipsoid().semi_axes.product().cbrt()).collect();
+        let extents: Vec<f64> = (synthetic.truth.iter())
+            .map(|(_, body)| 2.0 * body.closest_ellipsoid().semi_axes.product().cbrt())
+            .collect();
         let mean = extents.iter().sum::<f64>() / extents.len() as f64;
         let size = Some(SizePrior { mean: [mean; 3], sd: [0.3 * mean; 3] });
         let mut priors = CategoryPriors::default();

@@ -27,9 +27,9 @@ impl Body {
         Self { half_extents: self.half_extents * factor, ..*self }
     }
 
-    /// The ellipsoid that stands for the body: itself, or the one that reaches about as far in all directions, see
+    /// The ellipsoid closest to the body: itself, or the one that reaches about as far in all directions, see
     /// `ellipsoid_of_same_reach`.
-    pub fn ellipsoid(&self) -> Ellipsoid {
+    pub fn closest_ellipsoid(&self) -> Ellipsoid {
         if self.kind == BodyKind::Ellipsoid { self.inscribed() } else { ellipsoid_of_same_reach(self, &self.rotation) }
     }
 

@@ -21,9 +21,9 @@ mod kinds;
 mod tangent_lines;
 mod vech;
 mod ellipsoid;
-mod projection;
 mod reach;
 mod body;
+mod projection;
 mod similarity;
 pub(crate) mod visible_surface;
 

@@ -115,6 +115,9 @@ pub(crate) fn box_of_outline(dual_conic: &Matrix3<f64>, depth: f64) -> Option<[f
 /// step goes to where the point that lies farthest across the plane is seen, and none goes too far.
 pub(crate) fn tangent_points(body: &Body) -> Option<[Vector3<f64>; 4]> {
     let center = body.center.coords;
+    if center.z.is_nan() || center.z <= 0.0 {
+        return None;
+    }
     if body.kind == BodyKind::Ellipsoid {
         let root = body.rotation.matrix() * Matrix3::from_diagonal(&body.half_extents);
         let shape = root * root.transpose();
@@ -127,7 +130,7 @@ pub(crate) fn tangent_points(body: &Body) -> Option<[Vector3<f64>; 4]> {
         }));
     }
     // Also not so near to the plane of the camera that the outline ends nowhere.
-    if !(body.support(&Vector3::z()) < center.z * (1.0 - 1e-9)) {
+    if body.support(&Vector3::z()) >= center.z * (1.0 - 1e-9) {
         return None;
     }
     let mut points = [Vector3::zeros(); 4];
@@ -292,7 +295,7 @@ mod tests {
                 assert!((at[edge % 2] / at.z - expected[edge]).abs() < 1e-12, "{kind:?} {edge}");
             }
             let turned_away = Body { center: Point3::new(1.0, 0.2, -4.0), ..body };
-            let across = Body { center: Point3::new(1.0, 0.2, 0.3), ..body };
+            let across = Body { center: Point3::new(0.1, 0.2, 0.3), ..body };
             assert!(tangent_points(&turned_away).is_none() && tangent_points(&across).is_none(), "{kind:?}");
         }
     }

@@ -1,4 +1,4 @@
-//! The ellipsoid that stands for another body (docs/method.md, section 3).
+//! The ellipsoid closest to another body (docs/method.md, section 3).
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -67,14 +67,14 @@ mod tests {
     fn cuboids_and_round_cylinders_have_closed_forms() {
         let (center, rotation) = place();
         let half_extents = Vector3::new(2.0, 1.0, 0.3);
-        let found = Body { center, half_extents, rotation, kind: BodyKind::Cuboid }.ellipsoid();
+        let found = Body { center, half_extents, rotation, kind: BodyKind::Cuboid }.closest_ellipsoid();
         let others = half_extents.map(|a| half_extents.sum() - a);
         let expected = (half_extents + others * FRAC_2_PI).component_mul(&half_extents).map(f64::sqrt);
         assert!((found.semi_axes - expected).amax() < 1e-9, "{found:?} {expected}");
 
         let (radius, half_height): (f64, f64) = (0.5, 2.0);
         let half_extents = Vector3::new(radius, radius, half_height);
-        let found = Body { center, half_extents, rotation, kind: BodyKind::Cylinder }.ellipsoid().semi_axes;
+        let found = Body { center, half_extents, rotation, kind: BodyKind::Cylinder }.closest_ellipsoid().semi_axes;
         let across = (radius * radius + 0.5 * radius * half_height).sqrt();
         let along = (half_height * half_height + radius * half_height).sqrt();
         assert!((found - Vector3::new(across, across, along)).amax() < 1e-9, "{found}");
@@ -86,10 +86,11 @@ mod tests {
         let semi_axes = Vector3::new(2.0, 1.0, 0.7);
         let of = |support_exponent: f64| {
             let kind = BodyKind::Superellipsoid(support_exponent);
-            Body { center, half_extents: semi_axes, rotation, kind }.ellipsoid().semi_axes
+            Body { center, half_extents: semi_axes, rotation, kind }.closest_ellipsoid().semi_axes
         };
         assert!((of(2.0) - semi_axes).amax() < 1e-9);
-        let cuboid = Body { center, half_extents: semi_axes, rotation, kind: BodyKind::Cuboid }.ellipsoid().semi_axes;
+        let cuboid =
+            Body { center, half_extents: semi_axes, rotation, kind: BodyKind::Cuboid }.closest_ellipsoid().semi_axes;
         assert!((of(1.0) - cuboid).amax() < 1e-9);
         let mut before = semi_axes;
         for exponent in [1.75, 1.5, 1.25, 1.0] {

@@ -150,7 +150,7 @@ fn refined(
         cameras: scene.frames.iter().filter_map(|frame| frame.projection.center_in_world()).collect(),
         seed: options.seed,
         has_cues: scene.detections.iter().any(|d| d.cues.is_some()),
-        enclosing_quantile: options.enclosing_quantile,
+        with_enclosing: options.enclosing,
         options: posterior_options,
         watch,
     };
@@ -160,7 +160,7 @@ fn refined(
 
 /// By a closed form, object by object.
 fn closed_form(options: &LocalizeOptions, selection: &Selection, watch: &Watch) -> CrossValidated {
-    let solve = |views| solve_closed_form(&views, &options.method, options.enclosing_quantile);
+    let solve = |views| solve_closed_form(&views, &options.method, options.enclosing);
     let estimates = map_indices(selection.objects.len(), |k| {
         if watch.is_canceled() {
             return Estimate::canceled();

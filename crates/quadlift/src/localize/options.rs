@@ -2,7 +2,7 @@
 
 use super::measurement_kind::MeasurementKind;
 use crate::cross_validation::CrossValidationOptions;
-use crate::solve::{CategoryPriors, ENCLOSING_QUANTILE, Method, PosteriorOptions};
+use crate::solve::{CategoryPriors, Method, PosteriorOptions};
 
 /// Options of [`crate::localize()`].
 ///
@@ -15,7 +15,7 @@ use crate::solve::{CategoryPriors, ENCLOSING_QUANTILE, Method, PosteriorOptions}
 /// let options = LocalizeOptions::from(PosteriorOptions { body: Some(BodyKind::Cuboid), ..Default::default() });
 /// assert!(options.validate().is_ok());
 /// ```
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct LocalizeOptions {
     /// The estimator with its options.
     pub method: Method,
@@ -29,8 +29,9 @@ pub struct LocalizeOptions {
     pub max_truncated: Option<f64>,
     /// Which measurements of a detection are used.
     pub measurements: MeasurementKind,
-    /// Quantile of (distance of the measured plane) / (support of the body) for the enclosing body, in [0, 1].
-    pub enclosing_quantile: f64,
+    /// Whether each estimate gets an ellipsoid that encloses the object ([`crate::solve::Estimate::enclosing`]), as in the tables of the
+    /// paper.
+    pub enclosing: bool,
     /// Accept a scene that is inconsistent (see [`crate::diagnosis`]); otherwise none of its objects is
     /// [`crate::solve::Status::Ok`].
     pub allow_inconsistent: bool,
@@ -42,24 +43,6 @@ pub struct LocalizeOptions {
     pub seed: u64,
     /// How much is cross-validated, and how.
     pub cross_validation: CrossValidationOptions,
-}
-
-impl Default for LocalizeOptions {
-    fn default() -> Self {
-        Self {
-            method: Method::default(),
-            source: None,
-            min_views: 0,
-            max_occluded: None,
-            max_truncated: None,
-            measurements: MeasurementKind::default(),
-            enclosing_quantile: ENCLOSING_QUANTILE,
-            allow_inconsistent: false,
-            plausible_sizes: CategoryPriors::default(),
-            seed: 0,
-            cross_validation: CrossValidationOptions::default(),
-        }
-    }
 }
 
 impl From<Method> for LocalizeOptions {

@@ -14,9 +14,6 @@ impl LocalizeOptions {
         if self.measurements == MeasurementKind::Mask && !matches!(self.method, Method::Posterior(_) | Method::Planes) {
             return refuse("only the methods map and planes use masks; the others use their ellipses");
         }
-        if !(0.0..=1.0).contains(&self.enclosing_quantile) {
-            return refuse(format!("the enclosing quantile is {}; expected 0 to 1", self.enclosing_quantile));
-        }
         self.method.validate()
     }
 }
@@ -40,10 +37,6 @@ mod tests {
 
     #[test]
     fn options_of_a_localization_are_checked() {
-        for wrong in [-0.1, 1.1, f64::NAN] {
-            let options = LocalizeOptions { enclosing_quantile: wrong, ..Default::default() };
-            assert!(options.validate().unwrap_err().to_string().contains("enclosing quantile"));
-        }
         let masks = LocalizeOptions { measurements: MeasurementKind::Mask, ..LocalizeOptions::from(Method::Lfd) };
         assert!(masks.validate().unwrap_err().to_string().contains("masks"));
         let of_method = LocalizeOptions::from(PosteriorOptions { shape_sd: f64::NAN, ..Default::default() });

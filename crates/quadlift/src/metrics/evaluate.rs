@@ -10,7 +10,7 @@ use super::reprojection::{box_reprojection_iou, ellipse_reprojection_iou};
 use super::scores::{
     EstimatedObject, Evaluation, Mean, MeanScore, ObjectScore, PairedBy, ReprojectionScore, TruthObject,
 };
-use crate::geometry::{Body, Ellipsoid, Projection};
+use crate::geometry::{Body, BodyKind, Ellipsoid, Projection};
 
 /// Scores estimates against the truth; where their ids mean nothing to it they are paired by overlap ([`pair_by_overlap`]).
 ///
@@ -31,7 +31,8 @@ pub fn evaluate(
             partners = truth.iter().map(|object| by_id.get(object.id.as_str()).copied()).collect();
         }
         PairedBy::Overlap => {
-            let found: Vec<Option<Ellipsoid>> = estimates.iter().map(|estimate| estimate.ellipsoid).collect();
+            let closest = |estimate: &EstimatedObject| estimate.body.as_ref().map(Body::closest_ellipsoid);
+            let found: Vec<Option<Ellipsoid>> = estimates.iter().map(closest).collect();
             let bodies: Vec<Option<Ellipsoid>> = truth.iter().map(TruthObject::ellipsoid).collect();
             for pair in pair_by_overlap(&found, &bodies, 0.0) {
                 partners[pair.truth] = Some(pair.found);
@@ -50,9 +51,8 @@ fn score_pairs(
     projections: &[Projection],
 ) -> Evaluation {
     let reported = Reported {
-        enclosing_ellipsoids: estimates.iter().any(|e| e.enclosing_ellipsoid.is_some()),
-        cuboids: estimates.iter().any(|e| e.cuboid.is_some()),
-        enclosing_cuboids: estimates.iter().any(|e| e.enclosing_cuboid.is_some()),
+        enclosing: estimates.iter().any(|e| e.enclosing.is_some()),
+        cuboids: estimates.iter().any(|e| cuboid(e).is_some()),
     };
     let mut matched = vec![false; estimates.len()];
     let mut objects = Vec::with_capacity(truth.len());
@@ -73,9 +73,12 @@ fn score_pairs(
 
 /// What the estimator reports for any object: only where it does is a lack a failure.
 struct Reported {
-    enclosing_ellipsoids: bool,
+    enclosing: bool,
     cuboids: bool,
-    enclosing_cuboids: bool,
+}
+
+fn cuboid(estimate: &EstimatedObject) -> Option<Body> {
+    estimate.body.filter(|body| body.kind == BodyKind::Cuboid)
 }
 
 fn score(
@@ -87,32 +90,28 @@ fn score(
     let nothing = EstimatedObject::default();
     let (id, status) = (estimate.map(|e| e.id.clone()), estimate.map(|e| e.status.clone()));
     let estimate = estimate.unwrap_or(&nothing);
-    // Of two cuboids those inscribed in them are compared, whatever stands for a cuboid in the files.
-    let cuboids = estimate.cuboid.zip(truth.cuboid);
-    let inscribed = |cuboid: Body| Some(cuboid.inscribed());
-    let (found, enclosing, true_ellipsoid) = match cuboids {
-        Some((found, truth)) => (inscribed(found), estimate.enclosing_cuboid.and_then(inscribed), inscribed(truth)),
-        None => (estimate.ellipsoid, estimate.enclosing_ellipsoid, truth.ellipsoid()),
+    // Of two cuboids those inscribed in them are compared.
+    let cuboids = cuboid(estimate).zip(truth.cuboid);
+    let (found, true_ellipsoid) = match cuboids {
+        Some((found, truth)) => (Some(found.inscribed()), Some(truth.inscribed())),
+        None => (estimate.body.as_ref().map(Body::closest_ellipsoid), truth.ellipsoid()),
     };
     let ellipsoids = found.zip(true_ellipsoid);
-    let center = estimate.center.or(estimate.ellipsoid.map(|e| e.center)).or(estimate.cuboid.map(|c| c.center));
-    let (no_ellipsoid, no_cuboid) = (estimate.ellipsoid.is_none(), estimate.cuboid.is_none());
-    let iou_of_ellipsoids =
-        |body: Option<Ellipsoid>, failed| Some(iou_or_zero(body, true_ellipsoid?, failed, iou3d_ellipsoids)).flatten();
-    let iou_of_cuboids =
-        |body: Option<Body>, failed| Some(iou_or_zero(body, truth.cuboid?, failed, iou3d_cuboids)).flatten();
+    let center = estimate.center.or(estimate.body.map(|body| body.center));
+    let nobody = estimate.body.is_none();
+    let iou_of_ellipsoids = |found: Option<Ellipsoid>, truth: Option<Ellipsoid>, failed| {
+        Some(iou_or_zero(found, truth?, failed, iou3d_ellipsoids)).flatten()
+    };
+    let iou_of_cuboids = Some(cuboid(estimate)).zip(truth.cuboid);
     ObjectScore {
         id: truth.id.clone(),
         estimate: id,
         status,
-        has_body: !(no_ellipsoid && no_cuboid),
-        iou3d: iou_of_ellipsoids(found, true),
-        iou3d_enclosing: iou_of_ellipsoids(enclosing, reported.enclosing_ellipsoids && no_ellipsoid),
-        cuboid_iou3d: iou_of_cuboids(estimate.cuboid, reported.cuboids && no_ellipsoid),
-        cuboid_iou3d_enclosing: iou_of_cuboids(
-            estimate.enclosing_cuboid,
-            reported.enclosing_cuboids && no_cuboid && no_ellipsoid,
-        ),
+        has_body: !nobody,
+        iou3d: iou_of_ellipsoids(found, true_ellipsoid, true),
+        iou3d_enclosing: iou_of_ellipsoids(estimate.enclosing, truth.ellipsoid, reported.enclosing && nobody),
+        cuboid_iou3d: iou_of_cuboids
+            .and_then(|(found, truth)| iou_or_zero(found, truth, reported.cuboids && nobody, iou3d_cuboids)),
         axis_error: ellipsoids.and_then(|(e, t)| axis_error(&e, &t)),
         theta_err: ellipsoids.map(|(e, t)| main_axis_angle(&e, &t)),
         rotation_error: ellipsoids.map(|(e, t)| rotation_error_modulo_symmetry(&e, &t)),
@@ -161,7 +160,6 @@ fn mean_score(objects: &[ObjectScore]) -> MeanScore {
         iou3d: mean(|o| o.iou3d),
         iou3d_enclosing: mean(|o| o.iou3d_enclosing),
         cuboid_iou3d: mean(|o| o.cuboid_iou3d),
-        cuboid_iou3d_enclosing: mean(|o| o.cuboid_iou3d_enclosing),
         axis_error: mean(|o| o.axis_error),
         theta_err: mean(|o| o.theta_err),
         rotation_error: mean(|o| o.rotation_error),
@@ -175,7 +173,6 @@ fn mean_score(objects: &[ObjectScore]) -> MeanScore {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::BodyKind;
     use nalgebra::{Matrix3x4, Point3, Rotation3, Vector3};
 
     fn cuboid(x: f64) -> Body {
@@ -198,9 +195,8 @@ mod tests {
             id: id.into(),
             status: "ok".into(),
             center: Some(ellipsoid.center),
-            ellipsoid: Some(ellipsoid.scaled(scale)),
-            enclosing_ellipsoid: Some(ellipsoid.scaled(2.0 * scale)),
-            ..Default::default()
+            body: Some(ellipsoid.scaled(scale).into()),
+            enclosing: Some(ellipsoid.scaled(2.0 * scale)),
         }
     }
 
@@ -238,14 +234,13 @@ mod tests {
 
     #[test]
     fn cuboids_are_compared_where_they_are_reported() {
-        let with_cuboid = |id: &str| EstimatedObject { cuboid: Some(cuboid(0.0).scaled(0.5)), ..estimate(id, 0.5) };
+        let with_cuboid = |id: &str| EstimatedObject { body: Some(cuboid(0.0).scaled(0.5)), ..estimate(id, 0.5) };
         let objects = [truth("a"), truth("b"), truth("c")];
         let result = evaluate(&[with_cuboid("a"), estimate("b", 1.0)], &objects, &[], PairedBy::Ids);
         assert!((result.objects[0].cuboid_iou3d.unwrap() - 0.125).abs() < 1e-9);
         // A body of another kind has no cuboid; no body at all is a failure.
         assert_eq!(result.objects[1].cuboid_iou3d, None);
         assert_eq!((result.objects[2].cuboid_iou3d, result.mean.cuboid_iou3d.unwrap().count), (Some(0.0), 2));
-        assert_eq!(result.objects[0].cuboid_iou3d_enclosing, None);
         assert_eq!((result.failures, result.objects[0].reprojection), (1, None));
         // A truth of cuboids only: the inscribed ellipsoid stands for it.
         let only_cuboid = TruthObject { ellipsoid: None, ..truth("a") };
@@ -257,7 +252,7 @@ mod tests {
     fn boxes_in_the_images_are_those_of_the_cuboids_where_both_are_cuboids() {
         // A turned cuboid reaches farther than its inscribed ellipsoid.
         let (own, other) = (cuboid(0.4), cuboid(0.0));
-        let with_cuboid = EstimatedObject { cuboid: Some(own), ..estimate("a", 1.0) };
+        let with_cuboid = EstimatedObject { body: Some(own), ..estimate("a", 1.0) };
         let around = |cuboid: &Body| {
             let pixels: Vec<_> = cuboid.corners().iter().map(|c| camera().project_point(c).unwrap()).collect();
             let reach = |axis: usize, sign: f64| pixels.iter().map(|p| sign * p[axis]).fold(f64::MIN, f64::max);
@@ -271,17 +266,20 @@ mod tests {
             evaluate(&[estimate], &[truth], &[camera()], PairedBy::Ids).objects[0].reprojection.unwrap().box_iou
         };
         assert!((box_iou(with_cuboid.clone(), truth("a")) - of_cuboids).abs() < 1e-9);
-        // One of them has none: the ellipsoids, which are the same here.
+        // One of them has none: the ellipsoids, which are the same here; that of a cuboid is its closest one, which is larger.
         assert!((box_iou(estimate("a", 1.0), truth("a")) - 1.0).abs() < 1e-9);
-        assert!((box_iou(with_cuboid, TruthObject { cuboid: None, ..truth("a") }) - 1.0).abs() < 1e-9);
+        let closest = EstimatedObject { body: Some(own.closest_ellipsoid().into()), ..with_cuboid.clone() };
+        let without = TruthObject { cuboid: None, ..truth("a") };
+        let [of_cuboid, of_ellipsoid] = [with_cuboid, closest].map(|estimate| box_iou(estimate, without.clone()));
+        assert!(of_cuboid == of_ellipsoid && of_cuboid < 0.8, "{of_cuboid} {of_ellipsoid}");
     }
 
     #[test]
     fn without_common_ids_bodies_are_paired_by_overlap() {
         let (near, exact, far) = (estimate("1", 0.7), estimate("2", 1.0), estimate("3", 1.0));
         let moved = |object: EstimatedObject, x: f64| {
-            let ellipsoid = object.ellipsoid.map(|e| Ellipsoid { center: e.center + Vector3::new(x, 0.0, 0.0), ..e });
-            EstimatedObject { center: ellipsoid.map(|e| e.center), ellipsoid, ..object }
+            let body = object.body.map(|body| Body { center: body.center + Vector3::new(x, 0.0, 0.0), ..body });
+            EstimatedObject { center: body.map(|body| body.center), body, ..object }
         };
         let result = evaluate(&[near, exact, moved(far, 30.0)], &[truth("a"), truth("b")], &[], PairedBy::Overlap);
         assert_eq!(result.paired_by, PairedBy::Overlap);

@@ -13,14 +13,10 @@ pub struct EstimatedObject {
     pub status: String,
     /// The center in the world; a failed estimation can have one nevertheless.
     pub center: Option<Point3<f64>>,
-    /// The tangent ellipsoid.
-    pub ellipsoid: Option<Ellipsoid>,
-    /// The enclosing one, which should contain the real object.
-    pub enclosing_ellipsoid: Option<Ellipsoid>,
-    /// The tangent cuboid.
-    pub cuboid: Option<Body>,
-    /// The enclosing one, which should contain the real object.
-    pub enclosing_cuboid: Option<Body>,
+    /// The body.
+    pub body: Option<Body>,
+    /// The ellipsoid that should contain the real object.
+    pub enclosing: Option<Ellipsoid>,
 }
 
 /// The ground truth of one object. If there is only a cuboid, its inscribed ellipsoid is used.
@@ -47,16 +43,14 @@ pub struct ObjectScore {
     pub status: Option<String>,
     /// Whether there is an estimated body at all.
     pub has_body: bool,
-    /// Volume IoU of the ellipsoids (O3D of the paper), 0 without an estimated ellipsoid. Of two cuboids that of the inscribed
-    /// ellipsoids, as in the papers.
+    /// Volume IoU of the closest ellipsoid of the body with the true one (O3D of the paper), 0 without an estimated body. Of two cuboids
+    /// that of the inscribed ellipsoids, as in the papers.
     pub iou3d: Option<f64>,
-    /// Volume IoU with the enclosing ellipsoid; 0 without an estimated ellipsoid, absent when the estimator reports
-    /// no enclosing bodies.
+    /// Volume IoU of the enclosing ellipsoid with the true ellipsoid; 0 without an estimated body, absent when the estimator
+    /// reports no enclosing ellipsoids or there is no true ellipsoid.
     pub iou3d_enclosing: Option<f64>,
     /// Volume IoU of the cuboids; 0 without any estimated body, absent for a body of another kind.
     pub cuboid_iou3d: Option<f64>,
-    /// Volume IoU with the enclosing cuboid, likewise.
-    pub cuboid_iou3d_enclosing: Option<f64>,
     /// Angle between the longest axes modulo the symmetry of the true body, radians in [0, pi/2] (see
     /// [`axis_error`](super::axis_error)); absent for a ball.
     pub axis_error: Option<f64>,
@@ -101,8 +95,6 @@ pub struct MeanScore {
     pub iou3d_enclosing: Option<Mean>,
     /// Volume IoU of the cuboids, failures with 0.
     pub cuboid_iou3d: Option<Mean>,
-    /// Volume IoU with the enclosing cuboid, failures with 0.
-    pub cuboid_iou3d_enclosing: Option<Mean>,
     /// Angle between the longest axes modulo symmetry, radians.
     pub axis_error: Option<Mean>,
     /// Angle between the longest axes, radians.

@@ -25,14 +25,14 @@ const SQUARED_EXTENTS: [usize; 3] = [3, 6, 8];
 /// Squared Mahalanobis distances between an estimated and a true body, whose center is that of the same kind of body:
 /// compare a tangent body with a tangent one.
 ///
-/// Two bodies of one kind are compared in their half extents, others through their equivalent ellipsoids (see
-/// [`Body::ellipsoid`]). The axes of a body other than an ellipsoid can be named in 24 ways; the one closest to the
+/// Two bodies of one kind are compared in their half extents, others through their closest ellipsoids (see
+/// [`Body::closest_ellipsoid`]). The axes of a body other than an ellipsoid can be named in 24 ways; the one closest to the
 /// truth is used. `None` if the covariance is not positive definite.
 pub fn squared_errors(estimate: &Body, covariance: &Covariance, truth: &Body) -> Option<SquaredErrors> {
     let (estimate, truth) = if estimate.kind == truth.kind {
         (estimate.inscribed(), truth.inscribed())
     } else {
-        (estimate.ellipsoid(), truth.ellipsoid())
+        (estimate.closest_ellipsoid(), truth.closest_ellipsoid())
     };
     let matrix = &covariance.matrix;
     let of = |error: &SVector<f64, 9>, extents: [usize; 3]| {

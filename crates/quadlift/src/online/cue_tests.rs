@@ -159,8 +159,8 @@ fn estimates_use_the_cues_of_the_views() {
             .truth
             .iter()
             .filter_map(|(_, body)| {
-                let truth = body.ellipsoid();
-                let bodies = localization.estimates.iter().filter_map(|e| e.ellipsoid());
+                let truth = body.closest_ellipsoid();
+                let bodies = localization.estimates.iter().filter_map(|e| e.closest_ellipsoid());
                 let nearest = bodies
                     .min_by(|a, b| (a.center - truth.center).norm().total_cmp(&(b.center - truth.center).norm()))?;
                 let sorted = |v: nalgebra::Vector3<f64>| {

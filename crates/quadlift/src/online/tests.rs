@@ -96,7 +96,7 @@ fn found(map: &ObjectMap, synthetic: &SyntheticScene) -> Vec<Vec<ObjectId>> {
         (object.ellipsoid.center - body.center).norm() < body.semi_axes.min()
     };
     let of = |body: &crate::geometry::Ellipsoid| map.objects().filter(|o| is_at(o, body)).map(|o| o.id).collect();
-    synthetic.truth.iter().map(|(_, body)| of(&body.ellipsoid())).collect()
+    synthetic.truth.iter().map(|(_, body)| of(&body.closest_ellipsoid())).collect()
 }
 
 #[test]
@@ -123,10 +123,10 @@ fn estimates_use_the_views_that_were_forgotten() {
     let synthetic = around(8, 200, SyntheticIds::Absent);
     let mut map = ObjectMap::new(OnlineOptions { max_views: 10, ..Default::default() }).unwrap();
     observe(&mut map, &synthetic.scene, 0..200);
-    let bodies: Vec<_> = synthetic.truth.iter().map(|(_, body)| body.ellipsoid()).collect();
+    let bodies: Vec<_> = synthetic.truth.iter().map(|(_, body)| body.closest_ellipsoid()).collect();
     let iou = |scene: &Scene| {
         let localization = crate::localize(scene, &crate::LocalizeOptions::default()).unwrap();
-        let estimates: Vec<_> = localization.estimates.iter().map(|e| e.ellipsoid()).collect();
+        let estimates: Vec<_> = localization.estimates.iter().map(|e| e.closest_ellipsoid()).collect();
         crate::metrics::score_found(&estimates, &bodies, 0.25).mean_iou3d.unwrap()
     };
     let (kept, averaged) = (map.to_scene(), map.to_averaged_scene());

@@ -255,7 +255,7 @@ impl LandmarkMap {
     /// A map of these objects; those whose numbers are not finite are never found.
     pub fn new(landmarks: Vec<Landmark>) -> Self {
         let squared_axes = landmarks.iter().map(|landmark| {
-            let mut squares: [f64; 3] = landmark.body.ellipsoid().semi_axes.map(|x| x * x).into();
+            let mut squares: [f64; 3] = landmark.body.closest_ellipsoid().semi_axes.map(|x| x * x).into();
             squares.sort_by(f64::total_cmp);
             squares
         });

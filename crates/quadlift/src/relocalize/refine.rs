@@ -52,9 +52,6 @@ impl Predicted {
     /// The box of a body without errors. `None` where the body is not wholly in front of the camera.
     pub(super) fn new(pose: &Pose, body: &Body) -> Option<Self> {
         let center = pose.apply(&body.center.coords);
-        if center.z.is_nan() || center.z <= 0.0 {
-            return None;
-        }
         let rotation = Rotation3::from_matrix_unchecked(pose.rotation * body.rotation.matrix());
         let body = Body { center: center.into(), rotation, ..*body };
         let points = tangent_points(&body)?.map(|point| center + point);

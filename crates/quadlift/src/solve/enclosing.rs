@@ -1,10 +1,10 @@
-//! The body that encloses the real object, which fills only part of the tangent body of its boxes (docs/method.md, section 13).
+//! The ellipsoid that encloses the real object, which fills only part of the body that fits its boxes (docs/method.md, section 13).
 //!
 //! A box edge is the plane at which the real object ends. The planes of a real object lie partly inside, partly outside
-//! of the body that fits them best; the enclosing body is one that most of them do not leave. It is found in two ways:
-//! as the fitted body times a factor, and as a separate ellipsoid, which need not have the same proportions.
+//! of the body that fits them best; the enclosing ellipsoid is one that most of them do not leave: the closest one of the body times a
+//! factor or, with enough planes, one with its own proportions.
 //!
-//! The ellipsoid minimizes the mean pinball loss of the logarithm of (distance of the plane) / (reach of the
+//! That one minimizes the mean pinball loss of the logarithm of (distance of the plane) / (reach of the
 //! ellipsoid), which makes it the quantile of the planes in each direction (quantile regression: Koenker and Bassett,
 //! *Regression quantiles*, Econometrica 46, 1978). Few planes do not determine its proportions: they are pulled towards
 //! those of the fitted body (docs/method.md, section 13).
@@ -12,8 +12,8 @@
 use crate::tuning::ENCLOSING_PRIOR_SD;
 use nalgebra::{Matrix3, Matrix3x4, Rotation3, SMatrix, SVector, Vector3};
 
-/// The default of [`crate::LocalizeOptions::enclosing_quantile`].
-pub(crate) const ENCLOSING_QUANTILE: f64 = 0.85;
+/// Quantile of (distance of the measured plane) / (reach of the ellipsoid).
+const QUANTILE: f64 = 0.85;
 
 use super::conditioning::{ObjectFrame, axes_of};
 use crate::geometry::linalg::solve_spd;
@@ -47,35 +47,25 @@ struct Plane {
     d: f64,
 }
 
-/// The enclosing body.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Enclosing {
-    /// The factor by which the fitted body must grow to enclose the real object: the quantile of (distance of the
-    /// plane) / (reach of the body).
-    pub scale: f64,
-    /// The ellipsoid with separate proportions; absent with too few planes.
-    pub ellipsoid: Option<Ellipsoid>,
-}
-
-/// The body that encloses the object of these views; `None` without a plane, or if the planes contradict the body.
-pub(super) fn enclosing(views: &[View], body: &Body, quantile: f64) -> Option<Enclosing> {
-    let unit = body.ellipsoid().semi_axes.product().cbrt();
+/// The ellipsoid that encloses the object of these views; `None` without a plane, or if the planes contradict the body.
+pub(super) fn enclosing(views: &[View], body: &Body) -> Option<Ellipsoid> {
+    let closest = body.closest_ellipsoid();
+    let unit = closest.semi_axes.product().cbrt();
     let frame = ObjectFrame { origin: body.center(), unit, axes: axes_of(views) };
     let planes = planes(views, &frame);
     let reach = |n: &Vector3<f64>| body.support(&(frame.axes * n)) / unit;
-    let scale = quantile_of_ratios(&planes, reach, quantile).filter(|scale| *scale > 0.0)?;
-    let equivalent = body.ellipsoid();
-    let axes = frame.axes.tr_mul(equivalent.rotation.matrix());
-    let equivalent = Ellipsoid { rotation: Rotation3::from_matrix_unchecked(axes), ..equivalent };
-    let ellipsoid = (planes.len() >= MIN_PLANES)
-        .then(|| Fit::of(&equivalent, &planes, unit, quantile))
+    let scale = quantile_of_ratios(&planes, reach, QUANTILE).filter(|scale| *scale > 0.0)?;
+    let axes = frame.axes.tr_mul(closest.rotation.matrix());
+    let turned = Ellipsoid { rotation: Rotation3::from_matrix_unchecked(axes), ..closest };
+    let own = (planes.len() >= MIN_PLANES)
+        .then(|| Fit::of(&turned, &planes, unit, QUANTILE))
         .flatten()
         .map(|fit| {
             let turned = Fit { axes: frame.axes * fit.axes * unit, ..fit };
             (frame.point_in_world(&fit.center), turned.shape())
         })
         .and_then(|(center, shape)| Ellipsoid::from_shape(center, &shape).ok());
-    Some(Enclosing { scale, ellipsoid })
+    Some(own.unwrap_or(Ellipsoid { semi_axes: closest.semi_axes * scale, ..closest }))
 }
 
 /// The planes of all measured edges that are not cut off, in a frame.

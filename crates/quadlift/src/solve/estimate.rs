@@ -1,8 +1,10 @@
 //! What an estimator reports about one object.
 
-use nalgebra::{Matrix3, Matrix6, Point3, SMatrix, Vector3, Vector6};
+use std::f64::consts::PI;
 
-use crate::geometry::{Body, BodyKind, Ellipsoid, skew, vech3};
+use nalgebra::{Matrix3, Matrix6, Point3, SMatrix, Unit, Vector3, Vector6};
+
+use crate::geometry::{Body, Ellipsoid, VECH3, skew, vech3};
 
 /// A symmetric 9x9 matrix.
 pub type Matrix9 = SMatrix<f64, 9, 9>;
@@ -224,10 +226,59 @@ impl Covariance {
     }
 }
 
+/// Variance of an angle that may be anything over half a turn: after one the bodies look the same.
+const ANY_ANGLE: f64 = PI * PI / 12.0;
+
+impl Covariance {
+    /// The blocks of the rotation vector and of the logarithms of the half extents of a body, in its frame.
+    fn rotation_and_log_axes(&self, body: &Body) -> (Matrix3<f64>, Matrix3<f64>) {
+        if self.coordinates == CovarianceCoordinates::CenterRotationLogAxes {
+            let block = |first| self.matrix.fixed_view::<3, 3>(first, first).into_owned();
+            return (block(3), block(6));
+        }
+        // With D = R^T dA R: a rotation about axis k turns the axes i and j into each other, D_ij = w_k (a_i^2 - a_j^2), and D_ii is twice the
+        // squared semi-axis times the change of its logarithm.
+        let (axes, squares) = (body.rotation.matrix(), body.half_extents.map(|x| x * x));
+        let row = |i: usize, j: usize, scale: f64| {
+            let both = axes.column(i) * axes.column(j).transpose();
+            let both = (both + both.transpose()) * 0.5;
+            Vector6::from_iterator(
+                VECH3.iter().map(|&(k, l)| scale * if k == l { both[(k, l)] } else { 2.0 * both[(k, l)] }),
+            )
+        };
+        let by_rotation = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| row(i, j, 1.0 / (squares[i] - squares[j])));
+        let by_size = [0, 1, 2].map(|i| row(i, i, 0.5 / squares[i]));
+        let shape = self.matrix.fixed_view::<6, 6>(3, 3);
+        let of = |rows: [Vector6<f64>; 3]| Matrix3::from_fn(|i, j| rows[i].dot(&(shape * rows[j])));
+        (of(by_rotation), of(by_size))
+    }
+
+    fn half_extents_sd(&self, body: &Body) -> Vector3<f64> {
+        let (_, log_axes) = self.rotation_and_log_axes(body);
+        Vector3::from_fn(|axis, _| body.half_extents[axis] * log_axes[(axis, axis)].max(0.0).sqrt())
+    }
+
+    fn rotation_sd(&self, body: &Body, up: Option<&Unit<Vector3<f64>>>) -> [f64; 2] {
+        let (rotation, _) = self.rotation_and_log_axes(body);
+        let about = |axis: &Vector3<f64>| {
+            let variance = axis.dot(&(rotation * axis));
+            // Of equal axes it is not finite.
+            if variance < ANY_ANGLE { variance.max(0.0) } else { ANY_ANGLE }
+        };
+        let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+        let sum: f64 = axes.iter().map(about).sum();
+        let Some(up) = up else { return [(sum / 3.0).sqrt(); 2] };
+        let up = body.rotation.inverse() * up.into_inner();
+        let level = up.cross(&axes[up.iamin()]).normalize();
+        let away = 0.5 * (about(&level) + about(&up.cross(&level)));
+        [about(&up).sqrt(), away.sqrt()]
+    }
+}
+
 /// Another body that is consistent with the measurements of an object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Alternative {
-    /// The body, tangent to the measurements.
+    /// The body.
     pub body: Body,
     /// Natural logarithm of its odds against the reported body: of both posterior densities, integrated over their
     /// neighbourhoods (Laplace's approximation).
@@ -245,12 +296,10 @@ pub struct Estimate {
     pub status: Status,
     /// The center in the world, whenever there is one.
     pub center: Option<Point3<f64>>,
-    /// The body tangent to the measurements.
+    /// The body.
     pub body: Option<Body>,
-    /// The factor by which `body` must be scaled to enclose the object, see [`Estimate::enclosing_body`].
-    pub enclosing_scale: Option<f64>,
-    /// The ellipsoid that encloses the object, from its own fit (docs/method.md, section 13). `None` with fewer than 18 edges:
-    /// use `body` scaled by [`Estimate::enclosing_scale`].
+    /// The ellipsoid that encloses the object, parts of which may lie outside of `body` (docs/method.md, section 13): only where it was asked
+    /// for ([`crate::LocalizeOptions::enclosing`]).
     pub enclosing: Option<Ellipsoid>,
     /// Uncertainty of `body`.
     pub covariance: Option<Covariance>,
@@ -274,7 +323,6 @@ impl Estimate {
             status,
             center: None,
             body: None,
-            enclosing_scale: None,
             enclosing: None,
             covariance: None,
             alternatives: Vec::new(),
@@ -289,28 +337,9 @@ impl Estimate {
         Self::failed(0, None, Status::Diverged)
     }
 
-    /// The body as an ellipsoid, see [`Body::ellipsoid`].
-    pub fn ellipsoid(&self) -> Option<Ellipsoid> {
-        self.body.as_ref().map(Body::ellipsoid)
-    }
-
-    /// A larger body of the same kind that encloses the object, parts of which may lie outside of `body`. Ellipsoids come from
-    /// their own fit ([`Estimate::enclosing`]), other bodies are `body` scaled.
-    pub fn enclosing_body(&self) -> Option<Body> {
-        match (self.body.as_ref()?, self.enclosing) {
-            (Body { kind: BodyKind::Ellipsoid, .. }, Some(enclosing)) => Some(enclosing.into()),
-            (body, _) => Some(body.scaled(self.enclosing_scale?)),
-        }
-    }
-
-    /// The ellipsoid that encloses the object: [`Estimate::enclosing`], otherwise that of [`Estimate::enclosing_body`].
-    pub fn enclosing_ellipsoid(&self) -> Option<Ellipsoid> {
-        self.enclosing.or_else(|| self.enclosing_body().as_ref().map(Body::ellipsoid))
-    }
-
-    /// The cuboid, if the body is one.
-    pub fn cuboid(&self) -> Option<Body> {
-        self.body.filter(|body| body.kind == BodyKind::Cuboid)
+    /// The ellipsoid that reaches about as far as the body in all directions, see [`Body::closest_ellipsoid`].
+    pub fn closest_ellipsoid(&self) -> Option<Ellipsoid> {
+        self.body.as_ref().map(Body::closest_ellipsoid)
     }
 
     /// Number of used views.
@@ -329,6 +358,18 @@ impl Estimate {
         (count > 0).then(|| (sum / count as f64).sqrt())
     }
 
+    /// Standard deviations of the half extents of the body, in their order, world units.
+    pub fn half_extents_sd(&self) -> Option<Vector3<f64>> {
+        Some(self.covariance.as_ref()?.half_extents_sd(self.body.as_ref()?))
+    }
+
+    /// Standard deviations of the rotation of the body, radians: about the vertical `up`, and away from it (about a horizontal axis, each
+    /// way). Without `up` both are the root mean square over all axes. An axis of rotation about which the body looks the same has that of an
+    /// angle that may be anything.
+    pub fn rotation_sd(&self, up: Option<&Unit<Vector3<f64>>>) -> Option<[f64; 2]> {
+        Some(self.covariance.as_ref()?.rotation_sd(self.body.as_ref()?, up))
+    }
+
     /// Standard deviation of the center: the root of the mean variance over the three coordinates, world units.
     pub fn center_sd(&self) -> Option<f64> {
         let c = self.covariance.as_ref()?.matrix;
@@ -338,7 +379,42 @@ impl Estimate {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Rotation3;
+
     use super::*;
+    use crate::geometry::BodyKind;
+
+    /// The two coordinates of a covariance of an ellipsoid say the same.
+    #[test]
+    fn deviations_of_sizes_and_rotation_do_not_depend_on_the_coordinates() {
+        let body = Body {
+            center: Point3::new(1.0, 2.0, 3.0),
+            rotation: Rotation3::from_euler_angles(0.3, -0.5, 1.1),
+            half_extents: Vector3::new(0.9, 0.5, 0.2),
+            kind: BodyKind::Ellipsoid,
+        };
+        // Correlated, with given variances of the rotation (radians) and the logarithms.
+        let root = Matrix9::from_fn(|i, j| if i == j { 0.1 } else { 0.01 * ((3 * i + 5 * j) % 7) as f64 - 0.03 });
+        let matrix = root * root.transpose() * 0.1;
+        let given = Covariance { coordinates: CovarianceCoordinates::CenterRotationLogAxes, matrix };
+        let shape = given.in_center_vech_shape(&body.inscribed());
+        let other = Covariance { coordinates: CovarianceCoordinates::CenterVechShape, matrix: shape };
+        let expected = Vector3::from_fn(|k, _| body.half_extents[k] * matrix[(6 + k, 6 + k)].sqrt());
+        let up = Unit::new_normalize(Vector3::new(0.2, -0.4, 0.8));
+        for covariance in [given, other] {
+            assert!((covariance.half_extents_sd(&body) - expected).amax() < 1e-12);
+            // In the frame of the body.
+            let rotation = matrix.fixed_view::<3, 3>(3, 3);
+            let axis = body.rotation.inverse() * up.into_inner();
+            let [yaw, tilt] = covariance.rotation_sd(&body, Some(&up));
+            assert!((yaw * yaw - axis.dot(&(rotation * axis))).abs() < 1e-12);
+            assert!((yaw * yaw + 2.0 * tilt * tilt - rotation.trace()).abs() < 1e-12);
+            assert!((covariance.rotation_sd(&body, None)[0].powi(2) * 3.0 - rotation.trace()).abs() < 1e-12);
+        }
+        // A ball has no direction.
+        let ball = Body { half_extents: Vector3::repeat(0.5), ..body };
+        assert!((other.rotation_sd(&ball, None)[0] - 0.9069).abs() < 1e-4);
+    }
 
     #[test]
     fn residuals_are_those_of_the_views_that_were_used() {

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use super::closed_form::solve_closed_form;
-use super::enclosing::ENCLOSING_QUANTILE;
 use super::estimate::Estimate;
 use super::options::Method;
 use super::posterior::{PosePoints, PosteriorContext, posterior};
@@ -58,7 +57,7 @@ impl Estimator {
     pub fn fit(&self, views: &[View]) -> Estimate {
         let mut object = ObjectViews { object_index: 0, category_index: None, views: views.to_vec() };
         let Method::Posterior(options) = &self.method else {
-            return solve_closed_form(&object, &self.method, ENCLOSING_QUANTILE);
+            return solve_closed_form(&object, &self.method, false);
         };
         object.views.iter_mut().for_each(|view| *view = view.within_margin(options.border_margin));
         let context = PosteriorContext {
@@ -69,7 +68,7 @@ impl Estimator {
             cameras: views.iter().filter_map(|view| view.projection.center_in_world()).collect(),
             seed: 0,
             has_cues: views.iter().any(|view| !view.cues.is_empty()),
-            enclosing_quantile: ENCLOSING_QUANTILE,
+            with_enclosing: false,
             options,
             watch: &Watch::new(&Unobserved, 1),
         };

@@ -25,7 +25,6 @@ pub use closed_form::pfd::{ClosedFormError, PfdSolution, pfd};
 pub use closed_form::reg::{RegSolution, reg};
 pub(crate) use closed_form::solve_closed_form;
 pub use cue_scale::{CueScale, DepthShift, ScaledQuantity};
-pub(crate) use enclosing::ENCLOSING_QUANTILE;
 pub use estimate::{
     Alternative, Covariance, CovarianceCoordinates, Estimate, GoodnessOfFit, Matrix9, Rejection, Status, ViewReport,
     Warning,

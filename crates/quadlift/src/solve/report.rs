@@ -1,4 +1,4 @@
-//! Common parts of every estimate besides its body: residuals in pixels, the enclosing body, and warnings about weak
+//! Common parts of every estimate besides its body: residuals in pixels, the enclosing ellipsoid, and warnings about weak
 //! geometry.
 
 use nalgebra::{Point3, Vector3};
@@ -21,7 +21,7 @@ pub(super) fn describe(
     body: Body,
     views: &[View],
     inlier: impl Fn(usize) -> bool,
-    enclosing_quantile: f64,
+    with_enclosing: bool,
 ) -> Estimate {
     if body.center().iter().any(|x| !x.is_finite()) {
         estimate.status = Status::Diverged;
@@ -43,9 +43,7 @@ pub(super) fn describe(
         })
         .collect();
     let used: Vec<View> = views.iter().enumerate().filter(|(index, _)| inlier(*index)).map(|(_, view)| *view).collect();
-    let enclosing = enclosing(&used, &body, enclosing_quantile);
-    estimate.enclosing_scale = enclosing.map(|enclosing| enclosing.scale);
-    estimate.enclosing = enclosing.and_then(|enclosing| enclosing.ellipsoid);
+    estimate.enclosing = if with_enclosing { enclosing(&used, &body) } else { None };
     // What is said of the views that count needs some that do.
     estimate.warnings = if used.len() < 2.min(views.len()) { Vec::new() } else { warnings(&used, &body) };
     estimate.body = Some(body);

@@ -86,7 +86,7 @@ mod tests {
 
     #[test]
     fn things_of_a_category_are_of_its_size() {
-        let volume = |scene: &SyntheticScene, k: usize| scene.truth[k].1.ellipsoid().semi_axes.product();
+        let volume = |scene: &SyntheticScene, k: usize| scene.truth[k].1.closest_ellipsoid().semi_axes.product();
         let alike = made(CategorySizes::Alike(0.0));
         assert!((volume(&alike, 3) / volume(&alike, 0) - 1.0).abs() < 1e-12 && alike.scene.categories.len() == 3);
         assert!((volume(&made(CategorySizes::TwoSizes(0.0)), 3) / volume(&alike, 0) - 8.0).abs() < 1e-9);

@@ -86,7 +86,7 @@ pub(super) fn detect(
                     frame: frames[frame].id.clone(),
                     reason,
                 };
-                let exact = project_ellipsoid(projection, &body.ellipsoid()).map_err(not_in_view)?;
+                let exact = project_ellipsoid(projection, &body.closest_ellipsoid()).map_err(not_in_view)?;
                 let noisy = noise.ellipse(&exact)?;
                 ellipse = Some(outlier.as_ref().map_or(noisy, Ellipse::inscribed_in));
             }

@@ -41,7 +41,7 @@ fn largest_error(synthetic: &SyntheticScene) -> f64 {
             largest = (0..4).map(difference).fold(largest, f64::max);
         }
         if let Some(measured) = detection.ellipse {
-            let expected = project_ellipsoid(projection, &body.ellipsoid()).unwrap();
+            let expected = project_ellipsoid(projection, &body.closest_ellipsoid()).unwrap();
             largest = largest.max((measured.center - expected.center).norm());
             let root = |e: &Ellipse| e.shape().determinant().powf(0.25);
             largest = largest.max((measured.shape() - expected.shape()).norm() / root(&expected));

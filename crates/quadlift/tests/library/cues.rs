@@ -44,8 +44,8 @@ fn scores(made: &SyntheticScene, found: &Localization, scene: &Scene) -> (f64, f
     let (mut sum, mut errors) = (0.0, Vec::new());
     for estimate in found.estimates.iter().filter(|estimate| estimate.status == Status::Ok) {
         let id = &scene.object_ids[estimate.object_index];
-        let truth = made.truth.iter().find(|(name, _)| name == id).unwrap().1.ellipsoid();
-        let body = estimate.ellipsoid().unwrap();
+        let truth = made.truth.iter().find(|(name, _)| name == id).unwrap().1.closest_ellipsoid();
+        let body = estimate.closest_ellipsoid().unwrap();
         sum += iou3d_ellipsoids(&body, &truth);
         errors.push((body.center - truth.center).norm() / truth.semi_axes.mean());
     }
@@ -194,7 +194,9 @@ fn a_factor_of_all_standard_deviations_changes_nothing() {
     for factor in [1e-9, 1e-5, 1e6] {
         let found = scaled(factor);
         for (a, b) in unsure.estimates.iter().zip(&found.estimates) {
-            let (Some(a), Some(b)) = (a.ellipsoid(), b.ellipsoid()) else { panic!("{:?} {:?}", a.status, b.status) };
+            let (Some(a), Some(b)) = (a.closest_ellipsoid(), b.closest_ellipsoid()) else {
+                panic!("{:?} {:?}", a.status, b.status)
+            };
             let off = (a.center - b.center).norm() + (a.semi_axes - b.semi_axes).norm();
             assert!(off < 1e-6, "{factor}: {off}");
         }
@@ -231,7 +233,9 @@ fn the_order_and_place_of_the_world_do_not_matter() {
     let there = localize(&Scene::from_parts(parts).unwrap(), &options()).unwrap();
     let here = localize(&scene, &options()).unwrap();
     for (a, b) in here.estimates.iter().zip(&there.estimates) {
-        let (Some(a), Some(b)) = (a.ellipsoid(), b.ellipsoid()) else { panic!("{:?} {:?}", a.status, b.status) };
+        let (Some(a), Some(b)) = (a.closest_ellipsoid(), b.closest_ellipsoid()) else {
+            panic!("{:?} {:?}", a.status, b.status)
+        };
         let off = (b.center - a.center - Vector3::new(3000.0, -500.0, 20.0)).norm();
         assert!(off < 1e-4 && (a.semi_axes - b.semi_axes).norm() < 1e-4, "{off}");
     }
@@ -305,8 +309,8 @@ fn each_frame_has_its_own_scale() {
         let mut errors = Vec::new();
         for estimate in found.estimates.iter().filter(|e| is_seen_once(e.object_index as u32)) {
             let id = &scene.object_ids[estimate.object_index];
-            let truth = made.truth.iter().find(|(name, _)| name == id).unwrap().1.ellipsoid();
-            let center = estimate.ellipsoid().map(|body| body.center);
+            let truth = made.truth.iter().find(|(name, _)| name == id).unwrap().1.closest_ellipsoid();
+            let center = estimate.closest_ellipsoid().map(|body| body.center);
             errors.push(center.map_or(f64::INFINITY, |center| (center - truth.center).norm()));
         }
         errors.sort_by(f64::total_cmp);
@@ -322,7 +326,7 @@ fn each_frame_has_its_own_scale() {
         // Measured over true depth of the centers.
         let ratio = |d: &Detection| {
             let id = &scene.object_ids[d.object_index.unwrap() as usize];
-            let truth = made.truth.iter().find(|(name, _)| name == id).unwrap().1.ellipsoid();
+            let truth = made.truth.iter().find(|(name, _)| name == id).unwrap().1.closest_ellipsoid();
             d.cues.as_ref().unwrap().depth.unwrap().median / scene.frames[frame].projection.depth(&truth.center)
         };
         let mut ratios: Vec<f64> =
@@ -377,7 +381,7 @@ fn polygons_of_a_crowd_are_not_worse_than_boxes() {
     for (detection, object) in made.scene.detections.iter().zip(&made.true_objects) {
         let frame = &made.scene.frames[detection.frame_index as usize];
         let (name, body) = &made.truth[object.unwrap()];
-        let ellipse = project_ellipsoid(&frame.projection, &body.ellipsoid()).unwrap();
+        let ellipse = project_ellipsoid(&frame.projection, &body.closest_ellipsoid()).unwrap();
         let corners: Vec<[f64; 2]> = (0..64)
             .map(|k| {
                 let (sin, cos) = (f64::from(k) / 64.0 * std::f64::consts::TAU).sin_cos();

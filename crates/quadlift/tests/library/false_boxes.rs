@@ -32,7 +32,7 @@ fn center_error(scene: &SyntheticScene, estimate: &Estimate) -> Option<(f64, f64
     let error = estimate.center? - truth.center();
     let covariance = estimate.covariance?.matrix.fixed_view::<3, 3>(0, 0).into_owned();
     let deviations = (error.transpose() * covariance.try_inverse()? * error)[0].sqrt();
-    Some((error.norm() / truth.ellipsoid().semi_axes.product().cbrt(), deviations))
+    Some((error.norm() / truth.closest_ellipsoid().semi_axes.product().cbrt(), deviations))
 }
 
 /// Whether nothing is said against an estimate but what is said of every scene with so few views.

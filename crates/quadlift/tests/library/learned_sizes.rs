@@ -91,7 +91,7 @@ fn what_is_learned_is_reported_and_the_same_every_time() {
         assert!((3.0..8.0).contains(&learned.well_determined), "{learned:?}");
         let SizePrior { mean, sd } = learned.size.unwrap();
         let mut truth: Vec<f64> =
-            (made.truth[learned.category].1.ellipsoid().semi_axes * 2.0).iter().copied().collect();
+            (made.truth[learned.category].1.closest_ellipsoid().semi_axes * 2.0).iter().copied().collect();
         truth.sort_by(|a, b| b.total_cmp(a));
         let mut sorted = mean;
         sorted.sort_by(|a, b| b.total_cmp(a));

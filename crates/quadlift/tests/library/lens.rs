@@ -82,7 +82,7 @@ fn mean_iou(scene: &Scene) -> f64 {
     let truth = objects();
     let iou = |(k, truth): (usize, &Ellipsoid)| {
         let index = scene.object_ids.iter().position(|id| *id == k.to_string()).unwrap();
-        result.estimates[index].ellipsoid().map_or(0.0, |found| iou3d_ellipsoids(&found, truth))
+        result.estimates[index].closest_ellipsoid().map_or(0.0, |found| iou3d_ellipsoids(&found, truth))
     };
     truth.iter().enumerate().map(iou).sum::<f64>() / truth.len() as f64
 }

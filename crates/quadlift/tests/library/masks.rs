@@ -26,8 +26,8 @@ fn lines(ellipse: &Ellipse, x: f64) -> Option<Box<TangentLines>> {
 fn mean_iou(synthetic: &SyntheticScene, scene: &Scene, options: &LocalizeOptions) -> f64 {
     let estimates = localize(scene, options).unwrap().solution.estimates;
     let iou = |k: usize| {
-        let body = estimates[k].body.as_ref()?.ellipsoid();
-        Some(iou3d_ellipsoids(&body, &synthetic.truth[estimates[k].object_index].1.ellipsoid()))
+        let body = estimates[k].body.as_ref()?.closest_ellipsoid();
+        Some(iou3d_ellipsoids(&body, &synthetic.truth[estimates[k].object_index].1.closest_ellipsoid()))
     };
     (0..estimates.len()).map(|k| iou(k).unwrap_or(0.0)).sum::<f64>() / estimates.len() as f64
 }

@@ -115,7 +115,7 @@ fn levels_matter_and_a_ground_is_shared_all_the_same() {
     let spread = |options: &LocalizeOptions| {
         let estimates = localize(&scene, options).unwrap().solution.estimates;
         let lowest = |e: &Estimate| {
-            let body = e.ellipsoid().unwrap();
+            let body = e.closest_ellipsoid().unwrap();
             body.center.z - body.shape()[(2, 2)].sqrt()
         };
         let all: Vec<f64> = estimates.iter().map(lowest).collect();

@@ -62,8 +62,8 @@ fn scores(made: &SyntheticScene, found: &Localization) -> (f64, f64) {
         let id = &made.scene.object_ids[estimate.object_index];
         let truth = &made.truth.iter().find(|(name, _)| name == id).unwrap().1;
         sum += estimate.body.map_or(0.0, |body| iou3d_bodies(&body, truth));
-        let ellipsoid = estimate.ellipsoid().zip(estimate.covariance);
-        errors.extend(ellipsoid.and_then(|(e, c)| nees(&e, &truth.ellipsoid(), &c.matrix)));
+        let ellipsoid = estimate.closest_ellipsoid().zip(estimate.covariance);
+        errors.extend(ellipsoid.and_then(|(e, c)| nees(&e, &truth.closest_ellipsoid(), &c.matrix)));
     }
     errors.sort_by(f64::total_cmp);
     (sum / found.estimates.len() as f64, errors[errors.len() / 2])

@@ -23,7 +23,7 @@ fn score(synthetic: &SyntheticScene, map: PosteriorOptions) -> (f64, f64) {
         let (_, truth) = synthetic.truth.iter().find(|(name, _)| name == id).unwrap();
         let body = estimate.body.unwrap();
         iou += iou3d_bodies(&body, truth) / count;
-        distance += (body.ellipsoid().center - truth.ellipsoid().center).norm() / count;
+        distance += (body.closest_ellipsoid().center - truth.closest_ellipsoid().center).norm() / count;
     }
     (iou, distance)
 }

@@ -207,22 +207,23 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
         ))
     };
     let body = || {
-        let of_some =
-            |body: Option<BodyRecord>| body.map(Just).unwrap_or(Just(BodyRecord::Ellipsoid(Default::default())));
-        prop_oneof![
-            ellipsoid().prop_map(|body| body.map(BodyRecord::Ellipsoid)),
-            cuboid().prop_map(|body| body.map(BodyRecord::Cuboid)),
-            cylinder().prop_map(|body| body.map(BodyRecord::Cylinder)),
-            superellipsoid().prop_map(|body| body.map(BodyRecord::Superellipsoid)),
-        ]
-        .prop_flat_map(of_some)
+        (text(), numbers(), numbers(), numbers(), option::of(number()), extra()).prop_map(
+            |(kind, center, rotation, half_extents, support_exponent, extra)| BodyRecord {
+                kind,
+                center,
+                rotation,
+                half_extents,
+                support_exponent,
+                extra,
+            },
+        )
     };
-    let alternatives = vec((body(), number(), extra()), 0..3).prop_map(|found| {
+    let alternatives = vec((option::of(body()), number(), extra()), 0..3).prop_map(|found| {
         let alternative = |(body, log_odds, extra)| AlternativeRecord { body, log_odds, extra };
         found.into_iter().map(alternative).collect::<Vec<_>>()
     });
-    let bodies = (ellipsoid(), ellipsoid(), cuboid(), cuboid(), superellipsoid(), superellipsoid());
-    let bodies = (bodies, cylinder(), cylinder());
+    let bodies = (ellipsoid(), cuboid(), superellipsoid(), cylinder());
+    let bodies = (bodies, option::of(body()), option::of(body()), option::of(numbers()), option::of(numbers()));
     let numbers_of_view = (option::of(number()), option::of(number()), option::of(number()));
     let view = (text(), numbers_of_view, any::<bool>(), option::of(text()), extra()).prop_map(
         |(frame, (residual_px, normalized_residual, predicted_iou), inlier, rejection_reason, extra)| ViewRecord {
@@ -254,9 +255,8 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
         |(names, figures, bodies, views, checked, extra)| {
             let (id, category, status) = names;
             let (center, center_sd, (residual_px, goodness_of_fit, alternatives), covariance) = figures;
-            let (bodies, cylinder, enclosing_cylinder) = bodies;
-            let (ellipsoid, enclosing_ellipsoid, cuboid, enclosing_cuboid, superellipsoid, enclosing_superellipsoid) =
-                bodies;
+            let (bodies, body, enclosing, half_extents_sd, rotation_sd_deg) = bodies;
+            let (ellipsoid, cuboid, superellipsoid, cylinder) = bodies;
             let (views_used, views_rejected, view_residuals_px, warnings) = views;
             ObjectRecord {
                 id,
@@ -264,14 +264,14 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
                 status,
                 center,
                 center_sd,
+                body: body.map(Box::new),
+                half_extents_sd,
+                rotation_sd_deg,
+                enclosing: enclosing.map(Box::new),
                 ellipsoid,
-                enclosing_ellipsoid,
                 cuboid: cuboid.map(Box::new),
-                enclosing_cuboid: enclosing_cuboid.map(Box::new),
                 cylinder: cylinder.map(Box::new),
-                enclosing_cylinder: enclosing_cylinder.map(Box::new),
                 superellipsoid: superellipsoid.map(Box::new),
-                enclosing_superellipsoid: enclosing_superellipsoid.map(Box::new),
                 views_used,
                 views_rejected,
                 residual_px,

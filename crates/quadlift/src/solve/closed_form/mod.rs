@@ -19,7 +19,7 @@ use crate::scene::ObjectViews;
 
 /// Solves for one object with a closed form or the paper's regularized estimator. [`Method::Posterior`] needs all objects of
 /// a scene, see [`super::map`]; here it gives the result of `planes`.
-pub(crate) fn solve_closed_form(object: &ObjectViews, method: &Method, enclosing_quantile: f64) -> Estimate {
+pub(crate) fn solve_closed_form(object: &ObjectViews, method: &Method, with_enclosing: bool) -> Estimate {
     let blank = |status| Estimate::failed(object.object_index, object.category_index, status);
     if object.views.len() < method.min_views() {
         return blank(Status::TooFewViews);
@@ -41,7 +41,7 @@ pub(crate) fn solve_closed_form(object: &ObjectViews, method: &Method, enclosing
     match solution {
         Ok(Ok(ellipsoid)) => {
             let body = Body::from(ellipsoid);
-            describe(blank(Status::Ok), body, &object.views, |_| true, enclosing_quantile)
+            describe(blank(Status::Ok), body, &object.views, |_| true, with_enclosing)
         }
         Ok(Err(EllipsoidError::NotAnEllipsoid { center, .. })) => {
             describe_center(blank(Status::NotAnEllipsoid), center, &object.views)

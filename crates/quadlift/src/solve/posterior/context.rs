@@ -28,8 +28,8 @@ pub(crate) struct PosteriorContext<'a> {
     pub seed: u64,
     /// Whether detections have depths or 3D boxes.
     pub has_cues: bool,
-    /// Quantile of the enclosing body, see [`crate::LocalizeOptions::enclosing_quantile`].
-    pub enclosing_quantile: f64,
+    /// Whether estimates have an enclosing ellipsoid, see [`crate::LocalizeOptions::enclosing`].
+    pub with_enclosing: bool,
     /// The estimator's options.
     pub options: &'a PosteriorOptions,
     /// Who watches.
@@ -77,7 +77,7 @@ impl<'a> PosteriorContext<'a> {
             pose_unknowns: Arc::default(),
             pose_points: PosePoints::default(),
             seed: 0,
-            enclosing_quantile: 0.85,
+            with_enclosing: false,
             options,
             watch,
         }

@@ -473,7 +473,7 @@ impl Fit {
         let costs = self.view_costs(noise);
         let limit = self.largest_cost(reference);
         let inlier = |view: usize| costs[view] <= limit;
-        let mut estimate = describe(blank, body, &views.views, inlier, context.enclosing_quantile);
+        let mut estimate = describe(blank, body, &views.views, inlier, context.with_enclosing);
         for (view, deviations) in estimate.views.iter_mut().zip(self.view_deviations(noise)) {
             view.normalized_residual = deviations.map(|x| x / reference.factor());
         }
