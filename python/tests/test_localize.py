@@ -242,7 +242,7 @@ def test_tables(made: Arrays) -> None:
     np.testing.assert_array_equal(frame[["center_x", "center_y", "center_z"]].to_numpy(), estimates.centers)
     sizes = frame[[f"half_extent_{k}" for k in (1, 2, 3)]].to_numpy()
     np.testing.assert_array_equal(sizes, estimates.half_extents)
-    assert frame["kind"].tolist()[3] is None
+    assert frame["kind"].isna().tolist() == [False] * 3 + [True]
     assert frame["yaw_deg"].isna().all(), "there is no up"
     table = estimates.to_arrow()
     assert table["half_extents"].to_pylist() == [*estimates.half_extents[:3].tolist(), None]

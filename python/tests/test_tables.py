@@ -92,7 +92,7 @@ def test_same_as_the_program(fleet: Fleet, program: Program, tmp_path: Path) -> 
             row = by_id.pop((name, written["id"]))
             assert row["status"] == written["status"]
             if row["status"] == "ok":
-                assert row["center"] == written["cuboid"]["center"]
+                assert row["center"] == written["body"]["center"]
                 assert row["views_used"] == written["views_used"]
                 np.testing.assert_array_equal(
                     as_written(row["covariance"], 9), np.ravel(written["covariance"]["matrix"])

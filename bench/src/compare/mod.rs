@@ -24,7 +24,7 @@ use crate::table::{Cell, Table};
 use paired::Paired;
 use program::Program;
 use scoring::{Measured, score};
-use sets::{SceneCase, Set};
+use sets::{Overlap, SceneCase, Set};
 use turn::turned;
 
 /// Options of the comparison.
@@ -138,7 +138,11 @@ fn compare_once(
     seed: u64,
 ) -> anyhow::Result<[scoring::Scored; 2]> {
     let output = folder.join("result.json");
-    let once = |program: &Program| score(set, scene, &program.localize(input, &output, &set.options, seed)?);
+    let mut options = set.options.clone();
+    if set.overlap == Overlap::Enclosing {
+        options.push("--enclosing");
+    }
+    let once = |program: &Program| score(set, scene, &program.localize(input, &output, &options, seed)?);
     let [a, b] = programs;
     Ok(if seed.is_multiple_of(2) {
         let first = once(a)?;

@@ -97,11 +97,11 @@ type RealSet = (&'static str, &'static [&'static str], &'static str, bool, Overl
 /// The real sets, with all views of all scenes.
 #[rustfmt::skip]
 const REAL: [RealSet; 12] = [
-    ("LINEMOD, YOLO", &LINEMOD, "yolo", true, Overlap::Enclosing, ENCLOSING),
-    ("LINEMOD, model boxes", &LINEMOD, "model", true, Overlap::Enclosing, ENCLOSING),
-    ("LM-O, model boxes", &LMO, "model", true, Overlap::Enclosing, ENCLOSING),
-    ("LM-O, visible boxes", &LMO, "visible-mask", true, Overlap::Enclosing, ENCLOSING),
-    ("LM-O, visible boxes, no ids", &LMO, "visible-mask", false, Overlap::Enclosing, ENCLOSING),
+    ("LINEMOD, YOLO", &LINEMOD, "yolo", true, Overlap::Enclosing, &[]),
+    ("LINEMOD, model boxes", &LINEMOD, "model", true, Overlap::Enclosing, &[]),
+    ("LM-O, model boxes", &LMO, "model", true, Overlap::Enclosing, &[]),
+    ("LM-O, visible boxes", &LMO, "visible-mask", true, Overlap::Enclosing, &[]),
+    ("LM-O, visible boxes, no ids", &LMO, "visible-mask", false, Overlap::Enclosing, &[]),
     ("TUW", &["tuw_demo"], "authors", true, Overlap::Ellipsoids, &[]),
     ("TUW, no ids", &["tuw_demo"], "authors", false, Overlap::Ellipsoids, &[]),
     ("KITTI aligned, RRC", &ALIGNED, "rrc", true, Overlap::Ellipsoids, &[]),
@@ -110,9 +110,6 @@ const REAL: [RealSet; 12] = [
     ("KITTI GPS/IMU, RRC, car options", &OXTS, "rrc", true, Overlap::Ellipsoids, CAR),
     ("KITTI aligned, labels, car options", &LABELED, "label", true, Overlap::Ellipsoids, CAR),
 ];
-
-/// Programs older than this option cannot be compared on these sets.
-const ENCLOSING: &[&str] = &["--enclosing"];
 
 const LINEMOD: [&str; 8] =
     ["accv_ape", "accv_can", "accv_cat", "accv_driller", "accv_duck", "accv_glue", "accv_iron", "accv_vise"];
