@@ -28,7 +28,7 @@ before(async () => {
   quadlift("synth", "-q", "-o", "named.json", "--objects", "6", "--views", "16", "--scale", "0.05", ...wrong);
   const { objects: _, ...scene } = { ...readScene("named.json"), length_unit: "m" };
   writeScene("named.json", { ...scene, objects: _ });
-  quadlift("localize", "-q", "named.json", "--report", "named.html");
+  quadlift("localize", "-q", "named.json", "--enclosing", "--report", "named.html");
   writeScene("boxes.json", { ...scene, detections: scene.detections.map(({ object: _, ...box }) => box) });
   quadlift("localize", "-q", "boxes.json", "--associate", "always", "--report", "boxes.html");
 });

@@ -318,8 +318,8 @@ async function writeLargeScene(): Promise<void> {
     const view_residuals_px = Array.from({ length: frames }, (_, f) => ({
       frame: `${f}`, inlier: (k + f) % 40 !== 0, residual_px: ((7 * k + f) % 31) / 10,
     }));
-    const body = { ...template.ellipsoid, center };
-    return { ...template, id: `object ${k}`, center, ellipsoid: body, enclosing_ellipsoid: body, view_residuals_px };
+    const body = { ...template.body, center };
+    return { ...template, id: `object ${k}`, center, body, enclosing: body, view_residuals_px };
   });
   const cameras = estimate.frames;
   estimate.frames = Array.from({ length: frames }, (_, f) => (
