@@ -24,7 +24,6 @@ _SHAPES = {
     "half_extents": (3,),
     "half_extents_sd": (3,),
     "rotation_sd_deg": (2,),
-    "closest_ellipsoids": (3,),
     "quaternions": (4,),
     "rotations": (3, 3),
     "covariances": (9, 9),
@@ -345,10 +344,9 @@ class EstimateArrays:
 
         Center and rotation are those of the body; an ellipsoid is its own closest one.
         """
-        found: dict[str, Any] = self._localized.arrays()
-        values: NDArray[np.float64] = found["closest_ellipsoids"].reshape(len(self), 3)
-        places = {str(name): row for row, name in enumerate(found["object_ids"])}
-        return values[[places[str(name)] for name in self.object_ids.tolist()]]
+        ids, semi_axes = self._localized.closest_ellipsoids()
+        places = {name: row for row, name in enumerate(ids)}
+        return semi_axes.reshape(len(self), 3)[[places[str(name)] for name in self.object_ids.tolist()]]
 
     def to_pandas(self) -> pandas.DataFrame:
         """A table with one row per object; needs pandas.

@@ -95,6 +95,14 @@ impl PyLocalized {
 
 #[pymethods]
 impl PyLocalized {
+    /// Ids of the objects, and the semi-axes of the ellipsoids closest to their bodies.
+    fn closest_ellipsoids<'py>(&self, py: Python<'py>) -> (Vec<&str>, Bound<'py, PyArray1<f64>>) {
+        let estimates = &self.localization().estimates;
+        let axes = |e: &Estimate| e.closest_ellipsoid().map_or([f64::NAN; 3], |ellipsoid| ellipsoid.semi_axes.into());
+        let ids = estimates.iter().map(|e| self.scene().object_ids[e.object_index].as_str());
+        (ids.collect(), PyArray1::from_vec(py, estimates.iter().flat_map(axes).collect()))
+    }
+
     /// The figures of the objects and of the detections by name.
     fn arrays<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let estimates = &self.localization().estimates;
@@ -131,9 +139,6 @@ impl PyLocalized {
             to.extend(e.rotation_sd(up.as_ref()).into_iter().flatten().map(f64::to_degrees));
         })?;
         rows("yaw_deg", 1, &|e, to| to.extend(e.body.zip(up).map(|(body, up)| yaw(&body, &up).to_degrees())))?;
-        rows("closest_ellipsoids", 3, &|e, to| {
-            to.extend(e.closest_ellipsoid().iter().flat_map(|ellipsoid| ellipsoid.semi_axes.iter().copied()));
-        })?;
         rows("quaternions", 4, &|e, to| {
             to.extend(e.body.iter().flat_map(|b| quaternion_from_rotation(&b.rotation)));
         })?;

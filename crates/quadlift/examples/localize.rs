@@ -35,9 +35,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     for estimate in &localize(&scene, &LocalizeOptions::default())?.estimates {
         let id = &scene.object_ids[estimate.object_index];
-        let ellipsoid = estimate.closest_ellipsoid().ok_or_else(|| format!("{id}: {}", estimate.status.name()))?;
-        let (center, semi_axes) = (ellipsoid.center.coords, ellipsoid.semi_axes);
-        println!("{id}: center {:.3?}, semi-axes {:.3?} m", center.as_slice(), semi_axes.as_slice());
+        let body = estimate.body.ok_or_else(|| format!("{id}: {}", estimate.status.name()))?;
+        let (center, half_extents) = (body.center.coords, body.half_extents);
+        println!(
+            "{id}: {}, center {:.3?}, half extents {:.3?} m",
+            body.kind,
+            center.as_slice(),
+            half_extents.as_slice()
+        );
         if let Some(sd) = estimate.center_sd() {
             println!("standard deviation of the center: {sd:.3} m");
         }

@@ -20,7 +20,7 @@
 //! }
 //! let result = localize(&builder.build(), &LocalizeOptions::default())?;
 //! let cup = &result.estimates[0];
-//! println!("{}: at {:?}, {:?}", cup.status.name(), cup.center, cup.closest_ellipsoid());
+//! println!("{}: at {:?}, {:?}", cup.status.name(), cup.center, cup.body);
 //! assert!(cup.center.unwrap().coords.norm() < 0.3);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

@@ -330,7 +330,6 @@ pub const RUN: &[Spec<RunOptions>] = &[
         help: "Add to each object the ellipsoid that encloses it, parts of which may lie outside of its body: that of the paper's tables",
         group: Group::Output,
         of: &[Localize, Python],
-        whole_scene: true,
         get: |o| o.localize.enclosing.into(),
         set: |o, value| {
             o.localize.enclosing = flag(&value)?;

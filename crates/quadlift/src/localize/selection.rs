@@ -10,8 +10,8 @@ pub(super) struct Selection<'a> {
     pub scene: &'a Scene,
     options: &'a LocalizeOptions,
     source: Option<u32>,
-    /// Index of each listed object in the scene, in the order of their ids, whatever that of the file. Objects of other sources are not listed; objects whose detections are all
-    /// skipped are.
+    /// Index of each listed object in the scene, in the order of their ids, whatever that of the file. Objects of other sources are not
+    /// listed; objects whose detections are all skipped are.
     pub objects: Vec<usize>,
     /// For each object of the scene, the detections that are used, in the order of their frames.
     groups: Vec<Vec<u32>>,

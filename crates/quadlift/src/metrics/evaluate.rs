@@ -100,9 +100,8 @@ fn score(
     let center = estimate.center.or(estimate.body.map(|body| body.center));
     let nobody = estimate.body.is_none();
     let iou_of_ellipsoids = |found: Option<Ellipsoid>, truth: Option<Ellipsoid>, failed| {
-        Some(iou_or_zero(found, truth?, failed, iou3d_ellipsoids)).flatten()
+        truth.and_then(|truth| iou_or_zero(found, truth, failed, iou3d_ellipsoids))
     };
-    let iou_of_cuboids = Some(cuboid(estimate)).zip(truth.cuboid);
     ObjectScore {
         id: truth.id.clone(),
         estimate: id,
@@ -110,8 +109,9 @@ fn score(
         has_body: !nobody,
         iou3d: iou_of_ellipsoids(found, true_ellipsoid, true),
         iou3d_enclosing: iou_of_ellipsoids(estimate.enclosing, truth.ellipsoid, reported.enclosing && nobody),
-        cuboid_iou3d: iou_of_cuboids
-            .and_then(|(found, truth)| iou_or_zero(found, truth, reported.cuboids && nobody, iou3d_cuboids)),
+        cuboid_iou3d: truth
+            .cuboid
+            .and_then(|truth| iou_or_zero(cuboid(estimate), truth, reported.cuboids && nobody, iou3d_cuboids)),
         axis_error: ellipsoids.and_then(|(e, t)| axis_error(&e, &t)),
         theta_err: ellipsoids.map(|(e, t)| main_axis_angle(&e, &t)),
         rotation_error: ellipsoids.map(|(e, t)| rotation_error_modulo_symmetry(&e, &t)),
