@@ -16,3 +16,16 @@ fn map_each<T: Send>(count: usize, f: &(dyn Fn(usize) -> T + Sync)) -> Vec<T> {
 fn map_each<T: Send>(count: usize, f: &(dyn Fn(usize) -> T + Sync)) -> Vec<T> {
     (0..count).map(f).collect()
 }
+
+/// `f` of each item, which it may change, in parallel with the feature `parallel`; results in order.
+pub(crate) fn map_mut<I: Send, T: Send>(items: &mut [I], f: impl Fn(&mut I) -> T + Sync + Send) -> Vec<T> {
+    #[cfg(feature = "parallel")]
+    {
+        use rayon::prelude::*;
+        items.par_iter_mut().map(f).collect()
+    }
+    #[cfg(not(feature = "parallel"))]
+    {
+        items.iter_mut().map(f).collect()
+    }
+}

@@ -49,6 +49,9 @@ pub struct ObjectRecord {
     /// The superellipsoid of a true object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub superellipsoid: Option<Box<SuperellipsoidRecord>>,
+    /// The rounded body of a true object.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rounded: Option<Box<BodyRecord>>,
     /// Number of views that the estimate rests on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub views_used: Option<usize>,
@@ -157,7 +160,7 @@ pub struct SuperellipsoidRecord {
 /// A body of any kind.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct BodyRecord {
-    /// `ellipsoid`, `cuboid`, `cylinder` or `superellipsoid` ([`BodyKind::name`]).
+    /// `ellipsoid`, `cuboid`, `cylinder`, `rounded` or `superellipsoid` ([`BodyKind::name`]).
     pub kind: String,
     /// Center in the world.
     #[serde(deserialize_with = "numbers::list")]
@@ -172,6 +175,9 @@ pub struct BodyRecord {
     /// Exponent of the support function of a superellipsoid, in [1, 2] (1 cuboid, 2 ellipsoid).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub support_exponent: Option<f64>,
+    /// Roundness of a rounded body, in [0, 1] (0 cuboid, 1 ellipsoid).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub roundness: Option<f64>,
     /// Unknown fields.
     #[serde(flatten)]
     pub extra: Map<String, Value>,
@@ -273,13 +279,13 @@ pub(crate) trait KindRecord {
 
 impl KindRecord for BodyRecord {
     fn to_body(&self, place: &str) -> Result<Body, EntryError> {
-        let exponent = self.support_exponent.unwrap_or(f64::NAN);
-        let kind = BodyKind::named(&self.kind, exponent).ok_or_else(|| {
+        let parameter = self.support_exponent.or(self.roundness).unwrap_or(f64::NAN);
+        let kind = BodyKind::named(&self.kind, parameter).ok_or_else(|| {
             let known = BodyKind::ALL.map(BodyKind::name).join(", ");
             let problem = format!("unknown kind of body \"{}\"; expected one of {known}", self.kind);
             EntryError::new(format!("{place}.kind"), problem)
         })?;
-        checked_exponent(kind, place)?;
+        checked_parameter(kind, place)?;
         let half_extents = positive(&self.half_extents, place, "half_extents");
         checked(kind, &self.center, half_extents, &self.rotation, place)
     }
@@ -334,7 +340,7 @@ impl KindRecord for CylinderRecord {
 impl KindRecord for SuperellipsoidRecord {
     fn to_body(&self, place: &str) -> Result<Body, EntryError> {
         let kind = BodyKind::Superellipsoid(self.support_exponent);
-        checked_exponent(kind, place)?;
+        checked_parameter(kind, place)?;
         let semi_axes = positive(&self.semi_axes, place, "semi_axes");
         checked(kind, &self.center, semi_axes, &self.rotation, place)
     }
@@ -344,14 +350,17 @@ impl KindRecord for SuperellipsoidRecord {
     }
 }
 
-fn checked_exponent(kind: BodyKind, place: &str) -> Result<(), EntryError> {
-    match kind.parameter().filter(|exponent| !(1.0..=2.0).contains(exponent)) {
-        Some(exponent) => {
-            let problem = format!("{exponent} is not a number from 1 (cuboid) to 2 (ellipsoid)");
-            Err(EntryError::new(format!("{place}.support_exponent"), problem))
-        }
-        None => Ok(()),
+fn checked_parameter(kind: BodyKind, place: &str) -> Result<(), EntryError> {
+    let (field, range, x) = match kind {
+        BodyKind::Superellipsoid(exponent) => ("support_exponent", [1.0, 2.0], exponent),
+        BodyKind::Rounded(roundness) => ("roundness", [0.0, 1.0], roundness),
+        _ => return Ok(()),
+    };
+    if range[0] <= x && x <= range[1] {
+        return Ok(());
     }
+    let problem = format!("{x} is not a number from {} (cuboid) to {} (ellipsoid)", range[0], range[1]);
+    Err(EntryError::new(format!("{place}.{field}"), problem))
 }
 
 fn checked(
@@ -389,12 +398,14 @@ fn positive(lengths: &[f64; 3], place: &str, field: &str) -> Result<Vector3<f64>
 
 impl From<&Body> for BodyRecord {
     fn from(body: &Body) -> Self {
+        let is_rounded = matches!(body.kind, BodyKind::Rounded(_));
         Self {
             kind: body.kind.name().to_owned(),
             center: body.center.coords.into(),
             rotation: quaternion_from_rotation(&body.rotation),
             half_extents: body.half_extents.into(),
-            support_exponent: body.kind.parameter(),
+            support_exponent: body.kind.parameter().filter(|_| !is_rounded),
+            roundness: body.kind.parameter().filter(|_| is_rounded),
             extra: Map::new(),
         }
     }
@@ -402,7 +413,7 @@ impl From<&Body> for BodyRecord {
 
 impl ObjectRecord {
     /// The bodies of a true object, the ellipsoid first, with their names.
-    pub(crate) fn true_bodies(&self) -> [(&'static str, Option<&dyn KindRecord>); 4] {
+    pub(crate) fn true_bodies(&self) -> [(&'static str, Option<&dyn KindRecord>); 5] {
         fn of<R: KindRecord>(record: Option<&R>) -> Option<&dyn KindRecord> {
             record.map(|record| record as _)
         }
@@ -411,6 +422,7 @@ impl ObjectRecord {
             ("cuboid", of(self.cuboid.as_deref())),
             ("cylinder", of(self.cylinder.as_deref())),
             ("superellipsoid", of(self.superellipsoid.as_deref())),
+            ("rounded", of(self.rounded.as_deref())),
         ]
     }
 
@@ -422,6 +434,7 @@ impl ObjectRecord {
         all.extend(self.cuboid.iter_mut().map(|record| &mut **record as _));
         all.extend(self.cylinder.iter_mut().map(|record| &mut **record as _));
         all.extend(self.superellipsoid.iter_mut().map(|record| &mut **record as _));
+        all.extend(self.rounded.iter_mut().map(|record| &mut **record as _));
         all.extend(self.alternatives.iter_mut().filter_map(|other| other.body.as_mut().map(|record| record as _)));
         all
     }
@@ -445,6 +458,7 @@ impl ObjectRecord {
                 let record = SuperellipsoidRecord { center, semi_axes, rotation, support_exponent, extra };
                 self.superellipsoid = Some(Box::new(record));
             }
+            BodyKind::Rounded(_) => self.rounded = Some(Box::new(BodyRecord::from(body))),
         }
     }
 }

@@ -33,13 +33,13 @@ const RECORDS: [&str; 16] = [
 
 /// Fields that hold no more than their types can.
 #[rustfmt::skip]
-const PLAIN: [&str; 70] = [
+const PLAIN: [&str; 72] = [
     "angle", "box", "cam_from_world", "camera", "category", "center", "center_sd", "confidence", "coordinates",
     "counts", "edge_error", "format", "frame", "half_extents", "half_extents_sd", "half_height", "height",
     "id", "image", "inlier", "iou", "kind", "length_unit", "log_odds", "matrix", "method", "model", "name",
     "normalized_residual", "notes", "object", "observed_pixels", "observed_points", "occluded", "outline", "params",
     "path", "points", "polygons", "predicted_iou", "projection", "radii", "reason", "rejection_reason",
-    "relative_residual", "residual_px", "rotation", "rotation_sd_deg", "scale", "score", "semi_axes", "size", "source", "status",
+    "relative_residual", "residual_px", "rotation", "rotation_sd_deg", "rounded", "roundness", "scale", "score", "semi_axes", "size", "source", "status",
     "support_exponent", "suspect_view", "time", "touches_other_masks", "transform", "truncated",
     "truncated_by_border", "up", "value", "version", "views", "views_rejected", "views_used", "visible_fraction",
     "warnings", "width",

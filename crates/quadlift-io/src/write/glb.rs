@@ -49,12 +49,12 @@ pub(super) fn glb(scene: &CheckedScene, frustum_depth: Option<f64>) -> Document 
         .collect();
     let category_indices = scene.category_indices();
     // One mesh for each shape and category; all categories share the numbers of a shape.
-    let mut shapes: BTreeMap<(&str, u64), Value> = BTreeMap::new();
-    let mut mesh_of: BTreeMap<((&str, u64), usize), usize> = BTreeMap::new();
+    let mut shapes: BTreeMap<(&str, Option<u64>), Value> = BTreeMap::new();
+    let mut mesh_of: BTreeMap<((&str, Option<u64>), usize), usize> = BTreeMap::new();
     for object in &scene.objects {
         let body = &object.body;
         let kind = body.kind.simplest();
-        let shape = (kind.name(), kind.exponent().to_bits());
+        let shape = (kind.name(), kind.parameter().map(f64::to_bits));
         let category = category_indices[object.category_name()];
         let geometry = shapes.entry(shape).or_insert_with(|| parts.add_mesh(&kind.mesh()));
         let mesh = *mesh_of.entry((shape, category)).or_insert_with(|| {

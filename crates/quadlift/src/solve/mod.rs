@@ -17,6 +17,7 @@ mod enclosing;
 mod report;
 mod closed_form;
 pub(crate) mod posterior;
+mod evidence;
 mod validate;
 mod estimator;
 

@@ -5,6 +5,7 @@ mod shape;
 mod cuboid;
 mod superellipsoid;
 mod ellipsoid;
+mod rounded;
 mod cylinder;
 
 pub use mesh::Mesh;
@@ -26,6 +27,9 @@ pub enum BodyKind {
     Cylinder,
     /// A superellipsoid with this exponent of its support function, in [1, 2] (1 cuboid, 2 ellipsoid).
     Superellipsoid(f64),
+    /// The Minkowski sum of a cuboid and an ellipsoid with the same axes and proportions, weighted by this roundness of the ellipsoid, in
+    /// [0, 1] (0 cuboid, 1 ellipsoid).
+    Rounded(f64),
 }
 
 /// Methods of a kind that are those of its [`Shape`].
@@ -40,6 +44,7 @@ macro_rules! of_shape {
                     Self::Cuboid => cuboid::Cuboid.$name($($argument),*),
                     Self::Cylinder => cylinder::Cylinder.$name($($argument),*),
                     Self::Superellipsoid(q) => superellipsoid::Superellipsoid(q).$name($($argument),*),
+                    Self::Rounded(roundness) => rounded::Rounded(roundness).$name($($argument),*),
                 }
             }
         )+}
@@ -49,7 +54,7 @@ macro_rules! of_shape {
 of_shape! {
     /// Its name in files; the one on the command line has the parameter behind it.
     pub fn name() -> &'static str;
-    /// The number that belongs to the kind: the exponent of a superellipsoid.
+    /// The number that belongs to the kind: the exponent of a superellipsoid, the roundness of a rounded body.
     pub fn parameter() -> Option<f64>;
     /// Exponent q of the support function, in [1, 2]; 1 where it has none.
     pub fn exponent() -> f64;
@@ -79,23 +84,35 @@ of_shape! {
 
 impl BodyKind {
     /// One of each kind, with any parameter.
-    pub const ALL: [Self; 4] = [Self::Ellipsoid, Self::Cuboid, Self::Cylinder, Self::Superellipsoid(1.5)];
+    pub const ALL: [Self; 5] =
+        [Self::Ellipsoid, Self::Cuboid, Self::Cylinder, Self::Superellipsoid(1.5), Self::Rounded(0.5)];
 
-    /// The names of all kinds on the command line, where Q stands for an exponent.
-    pub(crate) const NAMES: [&str; 4] =
-        ["ellipsoid", "cuboid", "cylinder", "superellipsoid:Q with Q from 1 (cuboid) to 2 (ellipsoid)"];
+    /// The names of all kinds on the command line, where Q stands for an exponent and R for a roundness.
+    pub(crate) const NAMES: [&str; 5] = [
+        "ellipsoid",
+        "cuboid",
+        "cylinder",
+        "superellipsoid:Q with Q from 1 (cuboid) to 2 (ellipsoid)",
+        "rounded:R with R from 0 (cuboid) to 1 (ellipsoid)",
+    ];
 
     /// The kind with a name, if it has a parameter with this one.
     pub fn named(name: &str, parameter: f64) -> Option<Self> {
         let kind = Self::ALL.into_iter().find(|kind| kind.name() == name)?;
-        Some(if let Self::Superellipsoid(_) = kind { Self::Superellipsoid(parameter) } else { kind })
+        Some(match kind {
+            Self::Superellipsoid(_) => Self::Superellipsoid(parameter),
+            Self::Rounded(_) => Self::Rounded(parameter),
+            _ => kind,
+        })
     }
 
-    /// The kind itself, or the simpler one that a superellipsoid is at an end of its exponents.
+    /// The kind itself, or the simpler one that it is at an end of its parameter.
     pub fn simplest(self) -> Self {
         match self {
             Self::Superellipsoid(q) if q <= 1.0 => Self::Cuboid,
             Self::Superellipsoid(q) if q >= 2.0 => Self::Ellipsoid,
+            Self::Rounded(r) if r <= 0.0 => Self::Cuboid,
+            Self::Rounded(r) if r >= 1.0 => Self::Ellipsoid,
             _ => self,
         }
     }

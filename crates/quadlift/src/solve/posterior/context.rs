@@ -58,7 +58,7 @@ impl PosteriorContext<'_> {
     }
 
     /// Whether the objects share more than noise levels: the ground, corrected poses, or sizes.
-    pub(super) fn has_shared_unknowns(&self) -> bool {
+    pub(in crate::solve) fn has_shared_unknowns(&self) -> bool {
         let PosteriorOptions { ground_plane, priors, learn_sizes, .. } = self.options;
         let on_ground = *ground_plane || priors.by_category.values().any(|prior| prior.on_ground);
         self.corrects_poses() || *learn_sizes || (on_ground && self.up.is_some())
