@@ -272,7 +272,7 @@ fn table(scene: &Scene, rows: &[Summary], labels: &Labels, cross_validated: bool
 fn status_style(status: &str) -> Style {
     if status == Status::Ok.name() {
         GOOD
-    } else if [Status::Inconsistent, Status::NotAnEllipsoid].map(Status::name).contains(&status) {
+    } else if [Status::Inconsistent, Status::Undetermined, Status::NotAnEllipsoid].map(Status::name).contains(&status) {
         WARNING
     } else {
         BAD
@@ -303,6 +303,9 @@ fn reason(status: Status, method: &Method, min_views: usize) -> Option<String> {
         Status::Ok => return None,
         Status::Inconsistent => {
             "no body agrees with the views, or the scene is inconsistent; the reported one is unreliable".to_owned()
+        }
+        Status::Undetermined => {
+            "the views leave open where it is: its center is uncertain by most of its own size".to_owned()
         }
         Status::NotAnEllipsoid => {
             "the best-fitting quadric is not an ellipsoid; only its center is reported".to_owned()

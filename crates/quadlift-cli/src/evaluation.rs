@@ -55,7 +55,7 @@ pub(crate) fn render(evaluation: &Evaluation, [estimates, truth]: [&Labels; 2], 
     for object in evaluation.objects.iter().take(MAX_ROWS) {
         let status = match object.status.as_deref() {
             None => Cell::styled("missing", BAD),
-            Some(status) if object.has_body && status != Status::Inconsistent.name() => Cell::styled(status, GOOD),
+            Some(status) if object.has_body && status == Status::Ok.name() => Cell::styled(status, GOOD),
             Some(status) => Cell::styled(status, BAD),
         };
         let scores = columns.iter().map(|column| show(column, (column.of)(object)).into());

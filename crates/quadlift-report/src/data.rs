@@ -212,7 +212,10 @@ impl ReportBody {
     pub fn body(&self) -> Option<Body> {
         let (center, half_extents) = (Point3::from(self.center), self.half.into());
         let rotation = rotation_from_quaternion(self.rotation)?;
-        Some(Body { center, rotation, half_extents, kind: BodyKind::named(self.kind, self.exponent)? })
+        let kind = BodyKind::named(self.kind, self.exponent)?;
+        // Of a rounded body the page has the exponent that is about as round.
+        let kind = if let BodyKind::Rounded(exponent) = kind { BodyKind::Rounded(exponent - 1.0) } else { kind };
+        Some(Body { center, rotation, half_extents, kind })
     }
 }
 

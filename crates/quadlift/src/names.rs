@@ -146,11 +146,11 @@ impl FromStr for IdPolicy {
 }
 
 impl Display for BodyKind {
-    /// `ellipsoid`, `cuboid`, `cylinder`, or `superellipsoid:Q` with the exponent of the support function.
+    /// `ellipsoid`, `cuboid`, `cylinder`, `superellipsoid:Q` with the exponent of the support function, or `rounded:R` with the roundness.
     fn fmt(&self, f: &mut Formatter<'_>) -> FmtResult {
         match self.parameter() {
             None => f.pad(self.name()),
-            Some(exponent) => write!(f, "{}:{exponent}", self.name()),
+            Some(parameter) => write!(f, "{}:{}", self.name(), (1000.0 * parameter).round() / 1000.0),
         }
     }
 }

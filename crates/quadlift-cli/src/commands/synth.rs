@@ -89,7 +89,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = RangedU64ValueParser::<usize>::new().range(1..=1_000_000))]
     views: usize,
 
-    /// Kind of the objects: ellipsoid, cuboid, cylinder or superellipsoid:Q; several kinds are used in turn
+    /// Kind of the objects: ellipsoid, cuboid, cylinder, superellipsoid:Q or rounded:R; several kinds are used in turn
     #[arg(long, value_name = "BODY,...", default_value = "ellipsoid", value_delimiter = ',', value_parser = args::body)]
     body: Vec<BodyKind>,
 

@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Matrix6, Point3, SMatrix, Unit, Vector3, Vector6};
 
+use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::{Body, Ellipsoid, VECH3, skew, vech3};
 
 /// A symmetric 9x9 matrix.
@@ -17,6 +18,9 @@ pub enum Status {
     /// A body was found, but its measurements contradict each other, more than half of its views contradict it, or the scene
     /// is inconsistent. The body is reported for inspection and does not count as localized.
     Inconsistent,
+    /// A body was found, but the views leave its place open: the largest standard deviation of the center exceeds
+    /// 0.7 of its own size (the geometric mean of its extents), or the fit did not converge. It does not count as localized.
+    Undetermined,
     /// The best-fitting quadric is not an ellipsoid; only its center is reported. Nothing is repaired.
     NotAnEllipsoid,
     /// Fewer views than the method needs.
@@ -29,14 +33,22 @@ pub enum Status {
 
 impl Status {
     /// All of them, in the order of the documentation.
-    pub const ALL: [Self; 6] =
-        [Self::Ok, Self::Inconsistent, Self::NotAnEllipsoid, Self::TooFewViews, Self::Degenerate, Self::Diverged];
+    pub const ALL: [Self; 7] = [
+        Self::Ok,
+        Self::Inconsistent,
+        Self::Undetermined,
+        Self::NotAnEllipsoid,
+        Self::TooFewViews,
+        Self::Degenerate,
+        Self::Diverged,
+    ];
 
     /// The name in files and on the terminal.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ok => "ok",
             Self::Inconsistent => "inconsistent",
+            Self::Undetermined => "undetermined",
             Self::NotAnEllipsoid => "not_an_ellipsoid",
             Self::TooFewViews => "too_few_views",
             Self::Degenerate => "degenerate",
@@ -44,6 +56,11 @@ impl Status {
         }
     }
 }
+
+/// Largest standard deviation of the center over the size of the body (the geometric mean of its extents) with which an object counts as
+/// localized. Of 356 real objects 83 were off by more than half their size: at .5, .7 and 1 these are 55, 50 and 45 of them, and 35, 18
+/// and 13 of the others.
+pub(crate) const MAX_RELATIVE_CENTER_SD: f64 = 0.7;
 
 /// A reason why an estimate is weaker than its status suggests; `Display` gives a readable message.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -368,6 +385,13 @@ impl Estimate {
     /// angle that may be anything.
     pub fn rotation_sd(&self, up: Option<&Unit<Vector3<f64>>>) -> Option<[f64; 2]> {
         Some(self.covariance.as_ref()?.rotation_sd(self.body.as_ref()?, up))
+    }
+
+    /// Largest standard deviation of the center, in any direction, over the geometric mean of the extents of the body.
+    pub(crate) fn relative_center_sd(&self) -> Option<f64> {
+        let center = self.covariance.as_ref()?.matrix.fixed_view::<3, 3>(0, 0).into_owned();
+        let (variances, _) = symmetric_eigen3(&center)?;
+        Some(variances[0].max(0.0).sqrt() / (2.0 * self.body.as_ref()?.half_extents.product().cbrt()))
     }
 
     /// Standard deviation of the center: the root of the mean variance over the three coordinates, world units.

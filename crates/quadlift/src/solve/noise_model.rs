@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 /// Names of the noise levels that can be given, as results report them; see [`NoiseModel`]. First the kinds of errors, in the
 /// order of the noise groups of `posterior`.
-pub(super) const NOISE_NAMES: [&str; 31] = [
+pub(super) const NOISE_NAMES: [&str; 45] = [
     "edge_noise",
     "occluded_edge_noise",
     "ellipse_center",
@@ -36,6 +36,20 @@ pub(super) const NOISE_NAMES: [&str; 31] = [
     COMMON_NAMES[11],
     SPREAD_NAMES[0],
     SPREAD_NAMES[1],
+    SHARE_NAMES[0],
+    SHARE_NAMES[1],
+    SHARE_NAMES[2],
+    SHARE_NAMES[3],
+    SHARE_NAMES[4],
+    SHARE_NAMES[5],
+    SHARE_NAMES[6],
+    SYSTEMATIC_NAMES[0],
+    SYSTEMATIC_NAMES[1],
+    SYSTEMATIC_NAMES[2],
+    SYSTEMATIC_NAMES[3],
+    SYSTEMATIC_NAMES[4],
+    SYSTEMATIC_NAMES[5],
+    SYSTEMATIC_NAMES[6],
 ];
 
 /// Errors common to the views of an object, for each kind of measurement.
@@ -59,6 +73,30 @@ pub(super) const CORRELATION_NAMES: [&str; 3] = ["edge_correlation", "ellipse_co
 
 /// Mean squared residual of a scene in units of the noise, and the relative variance of that of its objects.
 pub(super) const SPREAD_NAMES: [&str; 2] = ["residual_level", "residual_spread"];
+
+/// Shares in scenes of boxes: of wrong boxes; of ellipsoids, rounded bodies, cuboids and cylinders; of upright objects; the mean of the
+/// cuboid's part in rounded bodies.
+pub(super) const SHARE_NAMES: [&str; 7] = [
+    "wrong_box_share",
+    "ellipsoid_share",
+    "rounded_share",
+    "cuboid_share",
+    "cylinder_share",
+    "upright_share",
+    "cuboid_part",
+];
+
+/// Of scenes of boxes: precision of the cuboid's part; systematic errors by direction (relative to the support), of the sides of boxes (in
+/// half sizes) and of drifting poses; factors on the variance of the noise, for heavy tails and for correlated views.
+pub(super) const SYSTEMATIC_NAMES: [&str; 7] = [
+    "cuboid_part_precision",
+    "direction_error",
+    "side_error",
+    "drift_error",
+    "independent_factor",
+    "robust_factor",
+    "correlation_factor",
+];
 
 /// Pose noise in results, which is not noise of detections: root mean square corrections, and frames over which errors last.
 pub(crate) const POSE_NOISE_NAMES: [&str; 3] = ["pose_rotation", "pose_translation", "pose_correlation_length"];
@@ -119,6 +157,7 @@ impl NoiseModel {
                 _ if CORRELATION_NAMES.contains(&name) => {
                     ((0.0..1.0).contains(&value), "a number of at least 0 and below 1")
                 }
+                _ if SHARE_NAMES.contains(&name) => ((0.0..=1.0).contains(&value), "a number from 0 to 1"),
                 _ if name == "edge_noise_px" || COMMON_NAMES.contains(&name) || SPREAD_NAMES.contains(&name) => {
                     (value >= 0.0 && value.is_finite(), "a finite number that is not negative")
                 }

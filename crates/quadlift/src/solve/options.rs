@@ -167,6 +167,10 @@ pub struct PosteriorOptions {
     /// Whether the places of cameras in their rig ([`crate::scene::Frame::rig`]) are corrected with the poses; the default. Errors of
     /// extrinsics that are taken as exact move the whole rig.
     pub refine_extrinsics: bool,
+    /// Whether scenes of boxes alone are fitted by the scan and the evidence of all objects (docs/method.md, section 24), instead of the
+    /// estimator of all other scenes.
+    #[doc(hidden)]
+    pub by_evidence: bool,
     /// Whether covariances include errors that the views of an object share, and differences between objects. Estimates do not
     /// depend on it.
     #[doc(hidden)]
@@ -194,6 +198,7 @@ impl Default for PosteriorOptions {
             pose_noise: None,
             refine_poses: None,
             refine_extrinsics: true,
+            by_evidence: true,
             common_errors: true,
             noise_model: None,
         }

@@ -22,3 +22,4 @@ mod surroundings;
 mod test_cases;
 mod trust;
 mod upright;
+mod zz_debug;

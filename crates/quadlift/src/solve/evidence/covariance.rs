@@ -8,8 +8,9 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::conditions::{Conditions, DOF};
 use super::fit::{Workspace, linearize};
+use super::evidence::ROTATION_PRECISION;
 use super::object::Object;
-use super::solid::Step;
+use super::solid::{Family, Step};
 use crate::geometry::linalg::{cholesky, invert_spd};
 use crate::optimize::normal_equations::PARAMETERS;
 use crate::parallel::map_indices;
@@ -43,10 +44,10 @@ const SIDE_SD: f64 = 0.04;
 const DRIFT_SD: f64 = 0.02;
 
 /// Levels that are tried.
-const FIELD_SDS: [f64; 12] = [0.0005, 0.002, 0.005, 0.01, 0.02, 0.035, 0.06, 0.1, 0.15, 0.22, 0.32, 0.45];
-const SIDE_SDS: [f64; 8] = [0.0005, 0.002, 0.005, 0.01, 0.02, 0.035, 0.06, 0.1];
-const DRIFT_SDS: [f64; 16] =
-    [0.0002, 0.0003, 0.0005, 0.0008, 0.0013, 0.002, 0.003, 0.0045, 0.007, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.08];
+const FIELD_SDS: [f64; 14] = [2e-5, 1e-4, 0.0005, 0.002, 0.005, 0.01, 0.02, 0.035, 0.06, 0.1, 0.15, 0.22, 0.32, 0.45];
+const SIDE_SDS: [f64; 10] = [2e-5, 1e-4, 0.0005, 0.002, 0.005, 0.01, 0.02, 0.035, 0.06, 0.1];
+const DRIFT_SDS: [f64; 18] =
+    [1e-5, 5e-5, 0.0002, 0.0003, 0.0005, 0.0008, 0.0013, 0.002, 0.003, 0.0045, 0.007, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.08];
 const NOISE_FACTORS: [f64; 7] = [0.3, 0.45, 0.6, 0.75, 0.9, 1.1, 1.4];
 
 /// Limits of the factors on the covariance.
@@ -88,7 +89,12 @@ impl Information {
         let (rows, body) = (&object.rows, &object.fit().body);
         let equations = linearize(rows, body, conditions, work);
         let prior = body.prior(conditions.shape_sd);
-        let inverse = invert_spd(&equations.hessian)?;
+        // Where a body looks alike from all sides its rotation is open, as in the evidence.
+        let mut hessian = equations.hessian;
+        if body.family != Family::Ellipsoid {
+            (3..6).for_each(|k| hessian[(k, k)] += ROTATION_PRECISION);
+        }
+        let inverse = invert_spd(&hessian)?;
         let mut normal = Effects::zeros();
         let mut gradient = EffectVector::zeros();
         let mut cross = SMatrix::<f64, PARAMETERS, EFFECTS>::zeros();
@@ -100,6 +106,7 @@ impl Information {
             let at = &work.views[index];
             let inverse_depth = view.inverse_depth(&center);
             let support = body.support4(&view.normal, view.length).0;
+            let sd = view.sd(&conditions.noise);
             let drift = drift_orders(view.frame as f64, frames);
             for edge in 0..4 {
                 let residual = at.residual.0[edge];
@@ -107,7 +114,7 @@ impl Information {
                     continue;
                 }
                 let root = at.weight.0[edge].sqrt();
-                let scale = root / conditions.noise[view.group(edge)];
+                let scale = root / sd.0[edge];
                 let mut effect = EffectVector::zeros();
                 for k in 0..FIELD {
                     effect[k] = field[4 * index + edge][k] * support.0[edge] * inverse_depth * scale;
@@ -212,17 +219,17 @@ fn drift_orders(frame: f64, [first, last]: [f64; 2]) -> [f64; 3] {
 /// Levels of systematic errors, and factors on the covariance, of a scene.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Systematic {
-    field: f64,
-    side: f64,
-    drift: f64,
+    pub field: f64,
+    pub side: f64,
+    pub drift: f64,
     /// Factor on the noise variance that is left for independent errors.
-    noise: f64,
+    pub noise: f64,
     /// Of Student's t: the variance of its estimate over the inverse curvature.
-    robust: f64,
+    pub robust: f64,
     /// Residual variance per degree of freedom, with the weight of neighboring views.
-    correlated: f64,
+    pub correlated: f64,
     /// Relative variance of the residual variance between objects.
-    spread: f64,
+    pub spread: f64,
 }
 
 impl Systematic {
@@ -233,6 +240,10 @@ impl Systematic {
             _ => self.drift,
         }
     }
+
+    /// Without anything systematic.
+    pub(super) const NONE: Self =
+        Self { field: 0.0, side: 0.0, drift: 0.0, noise: 1.0, robust: 1.0, correlated: 1.0, spread: 0.0 };
 
     /// From an evenly spread sample of objects.
     pub(super) fn new(objects: &[Object], conditions: &Conditions) -> Self {

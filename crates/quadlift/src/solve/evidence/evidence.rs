@@ -14,7 +14,7 @@ use super::solid::{Family, Solid};
 use crate::solve::estimate::Matrix9;
 
 /// Precision of a Gaussian with the volume of the rotations that differ for a cuboid: `(2 pi)^(3/2) s^3 = 8 pi^2 / 24`.
-const ROTATION_PRECISION: f64 = 2.84;
+pub(super) const ROTATION_PRECISION: f64 = 2.84;
 
 /// Volume of those rotations.
 const ROTATION_VOLUME: f64 = PI * PI / 3.0;
@@ -41,15 +41,17 @@ pub(super) fn log_evidence(rows: &Rows, fit: &Fit, conditions: &Conditions, work
     let body = &fit.body;
     let prior = body.prior(conditions.shape_sd);
     let data = (fit.equations.hessian - prior.hessian) / conditions.view_weight;
-    let independent = Conditions { view_weight: 1.0, ..*conditions };
-    residuals(rows, body, &independent, work);
+    residuals(rows, body, conditions, work);
     let mut hessian = data + prior.hessian;
     if body.family == Family::Ellipsoid {
         hessian = with_angles(body, hessian, &prior.hessian, conditions.shape_sd);
     }
     let log_density = add_flat_priors(body, &mut hessian, conditions.shape_sd);
     let log_scale: f64 = (rows.views.iter())
-        .map(|view| (0..2).map(|group| f64::from(view.two_sided[group]) * conditions.noise[group].ln()).sum::<f64>())
+        .flat_map(|view| {
+            let sd = view.sd(&conditions.noise);
+            (0..4).filter(|&edge| !view.truncated[edge]).map(move |edge| sd.0[edge].ln())
+        })
         .sum();
     let evidence = log_likelihood_over_variance(rows, conditions, work)
         - 0.5 * (log_determinant(&hessian) + prior.cost)
@@ -125,7 +127,7 @@ pub(super) fn vertical_axis(body: &Solid, up: &Vector3<f64>) -> usize {
 
 /// `ln int InvGamma(v) prod_f L_f(r / sqrt v) dv` over the object's variance v in units of the scene's, from the residuals in `work`: the
 /// peak in `ln v` by secant steps, and its width (Laplace).
-fn log_likelihood_over_variance(rows: &Rows, conditions: &Conditions, work: &Workspace) -> f64 {
+pub(super) fn log_likelihood_over_variance(rows: &Rows, conditions: &Conditions, work: &Workspace) -> f64 {
     let at = |log_variance: f64| -> (f64, f64) {
         let inverse = (-log_variance).exp();
         let (mut logs, mut product) = (0.0, 1.0f64);

@@ -60,7 +60,6 @@ fn evaluate<const SLOPES: bool>(rows: &Rows, body: &Solid, conditions: &Conditio
     if SLOPES {
         work.slopes.resize(count, [Lanes::ZERO; PARAMETERS]);
     }
-    let precision = conditions.noise.map(|sd| 1.0 / sd);
     let center: [f64; 3] = body.center.into();
     let (mut product, mut logs) = (1.0f64, 0.0);
     for (index, view) in rows.views.iter().enumerate() {
@@ -69,7 +68,7 @@ fn evaluate<const SLOPES: bool>(rows: &Rows, body: &Solid, conditions: &Conditio
         let n = &view.normal;
         let distance = n[0] * center[0] + n[1] * center[1] + n[2] * center[2] + view.offset - support;
         let error = distance * inverse_depth;
-        let mut scale = Lanes::splat(precision[0]) + view.occluded_lanes * (precision[1] - precision[0]);
+        let mut scale = view.sd(&conditions.noise).inverse();
         for edge in 0..4 {
             // A body that reaches beyond the image border agrees with it.
             if view.truncated[edge] && error.0[edge] < 0.0 {

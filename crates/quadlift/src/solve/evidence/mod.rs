@@ -23,11 +23,15 @@ mod object;
 mod levels;
 mod scene;
 mod covariance;
+mod noise_names;
 mod estimates;
 
+use conditions::Conditions;
 use fit::Workspace;
+use noise_names::Shared;
 use object::{Object, Plan};
 use rows::Rows;
+use shares::Shares;
 use scene::{SceneFit, first_conditions};
 use solid::Family;
 
@@ -61,7 +65,7 @@ pub(super) fn serves(
     family_of(options.body).is_some()
         && plain
         && !has_sizes
-        && options.noise_model.is_none()
+        && options.by_evidence
         && !context.has_cues
         && !context.has_shared_unknowns()
         && (0..count).all(|k| views_of(k).views.iter().all(is_box))
@@ -74,8 +78,20 @@ fn family_of(kind: Option<BodyKind>) -> Option<Option<Family>> {
         Some(BodyKind::Ellipsoid) => Some(Some(Family::Ellipsoid)),
         Some(BodyKind::Cuboid) => Some(Some(Family::Cuboid)),
         Some(BodyKind::Cylinder) => Some(Some(Family::Cylinder)),
-        Some(BodyKind::Superellipsoid(_) | BodyKind::Rounded(_)) => None,
+        Some(BodyKind::Rounded(_)) => Some(Some(Family::Rounded)),
+        Some(BodyKind::Superellipsoid(_)) => None,
     }
+}
+
+/// Where the fit of an object is.
+#[derive(Debug, Clone, Copy)]
+enum Place {
+    /// In the scene, whose levels it has set.
+    InScene(usize),
+    /// It has none.
+    Nowhere,
+    /// It follows from the levels.
+    Later,
 }
 
 /// Solves for `count` objects, see [`super::posterior::posterior`].
@@ -88,52 +104,58 @@ pub(super) fn estimate_boxes(
     let options = context.options;
     let up = context.up.filter(|_| options.upright).map(nalgebra::Unit::into_inner);
     let plan = Plan { family: family_of(options.body).flatten(), up };
-    let first = first_conditions(options.shape_sd);
-    let prepare = |views: &ObjectViews| Rows::new(&views.views, options.pixel_noise_size);
-    let upright_share = |views: &ObjectViews| {
-        let prior = options.priors.of(&context.categories[views.category_index?])?;
-        prior.upright_sd.map(|_| UPRIGHT_CATEGORY)
-    };
-    let start = |views: &ObjectViews, conditions: &conditions::Conditions, work: &mut Workspace| {
-        Object::new(prepare(views)?, upright_share(views), conditions, work)
+    let given = options.noise_model.as_ref();
+    let given =
+        given.map(|model| Shared::from_model(model, plan.family, options.shape_sd, options.pixel_noise_size));
+    let pixel_noise_size = given.map_or(options.pixel_noise_size, |given| given.pixel_noise_size);
+    let start = |views: &ObjectViews, conditions: &Conditions, work: &mut Workspace| {
+        let prior = views.category_index.and_then(|index| options.priors.of(&context.categories[index]));
+        let upright_share = prior.and_then(|prior| prior.upright_sd).map(|_| UPRIGHT_CATEGORY);
+        Object::new(Rows::new(&views.views, pixel_noise_size)?, upright_share, conditions, work)
     };
     // Levels and frequencies from all objects, or from evenly spread ones.
     let stride = if count > 2 * SAMPLE { count / SAMPLE } else { 1 };
-    let in_sample = count.div_ceil(stride);
-    let started = map_indices(in_sample, |k| start(&views_of(k * stride), &first, &mut Workspace::default()));
-    let has_fit: Vec<bool> = started.iter().map(Option::is_some).collect();
-    let mut scene = SceneFit::new(started.into_iter().flatten().collect(), first, &plan);
-    scene.finish();
-    let systematic = Systematic::new(&scene.objects, &scene.conditions);
-    let reporter = Reporter {
-        conditions: &scene.conditions,
-        systematic: &systematic,
-        reference: reference(&scene.objects, &scene.conditions),
-        with_enclosing: context.with_enclosing,
+    let sample: Vec<usize> = if given.is_some() { Vec::new() } else { (0..count).step_by(stride).collect() };
+    let first = first_conditions(options.shape_sd);
+    let started = map_indices(sample.len(), |k| start(&views_of(sample[k]), &first, &mut Workspace::default()));
+    let mut place = vec![Place::Later; count];
+    let mut objects = Vec::with_capacity(sample.len());
+    for (k, object) in sample.into_iter().zip(started) {
+        place[k] = if object.is_some() { Place::InScene(objects.len()) } else { Place::Nowhere };
+        objects.extend(object);
+    }
+    let scene = match &given {
+        None => SceneFit::new(objects, first, &plan, context.watch),
+        Some(given) => SceneFit::given(given, &plan, context.watch),
     };
-    let place = places_among(&has_fit);
+    let shared = given.unwrap_or_else(|| Shared {
+        conditions: scene.conditions,
+        shares: Shares::of_chosen(&scene.objects, plan.family),
+        systematic: Systematic::new(&scene.objects, &scene.conditions),
+        pixel_noise_size,
+    });
+    let reference = reference(&scene.objects, &scene.conditions);
+    let reporter = Reporter { shared: &shared, reference, with_enclosing: context.with_enclosing };
+    let fit_later = |views: &ObjectViews, work: &mut Workspace| {
+        let mut object = start(views, &scene.conditions, work)?;
+        scene.fit_other(&mut object, work);
+        Some(object)
+    };
     let estimates = map_indices(count, |k| {
         if context.watch.is_canceled() {
             return Estimate::canceled();
         }
         let (views, mut work) = (views_of(k), Workspace::default());
-        let failed = |status| Estimate::failed(views.object_index, views.category_index, status);
-        let estimate = if views.views.len() < 2 {
-            failed(Status::TooFewViews)
-        } else if k % stride == 0 {
-            match place[k / stride] {
-                Some(place) => reporter.estimate(&scene.objects[place], &views, &mut work),
-                None => failed(Status::Degenerate),
-            }
-        } else {
-            let object = start(&views, &scene.conditions, &mut work).map(|mut object| {
-                scene.fit_other(&mut object, &mut work);
-                object
-            });
-            object.map_or_else(|| failed(Status::Degenerate), |object| reporter.estimate(&object, &views, &mut work))
+        let estimate = match place[k] {
+            _ if views.views.len() < 2 => Err(Status::TooFewViews),
+            Place::InScene(index) => Ok(reporter.estimate(&scene.objects[index], &views, &mut work)),
+            Place::Nowhere => Err(Status::Degenerate),
+            Place::Later => fit_later(&views, &mut work)
+                .map(|object| reporter.estimate(&object, &views, &mut work))
+                .ok_or(Status::Degenerate),
         };
         context.watch.advance(1);
-        estimate
+        estimate.unwrap_or_else(|status| Estimate::failed(views.object_index, views.category_index, status))
     });
     let folds = choose_folds(&estimates);
     let predicted = map_indices(folds.len(), |index| {
@@ -141,36 +163,27 @@ pub(super) fn estimate_boxes(
             return FoldPrediction::default();
         }
         let Fold { object, views, warm_start } = &folds[index];
-        let of_all = (*object % stride == 0).then(|| place[*object / stride]).flatten().map(|k| &scene.objects[k]);
         let fit = |others: ObjectViews| {
             let mut work = Workspace::default();
-            let mut rest = start(&others, &scene.conditions, &mut work)?;
-            match of_all.filter(|_| *warm_start) {
-                Some(whole) => Some(scene.refit_from(whole, &rest.rows, &mut work)),
-                None => {
-                    scene.fit_other(&mut rest, &mut work);
-                    Some(in_world(&rest))
+            match place[*object] {
+                Place::InScene(whole) if *warm_start => {
+                    let rows = Rows::new(&others.views, pixel_noise_size)?;
+                    Some(scene.refit_from(&scene.objects[whole], &rows, &mut work))
                 }
+                _ => fit_later(&others, &mut work).map(|object| in_world(&object)),
             }
         };
         predict_fold(&views_of(*object), views, options.border_margin, fit)
     });
     let kinds: Vec<BodyKind> = estimates.iter().filter_map(|estimate| Some(estimate.body?.kind)).collect();
     let body = kinds.first().copied().filter(|first| kinds.iter().all(|kind| kind == first));
-    let noise = noise_report(&scene, options.pixel_noise_size);
-    (SceneSolution { estimates, noise, body, ..SceneSolution::default() }, folds, predicted)
-}
-
-/// For each object of the sample its place among those with a fit.
-fn places_among(has_fit: &[bool]) -> Vec<Option<usize>> {
-    let mut next = 0;
-    let place = |has_fit: &bool| {
-        has_fit.then(|| {
-            next += 1;
-            next - 1
-        })
+    let has_occluded = scene.objects.iter().flat_map(|object| &object.rows.views).any(|view| view.two_sided[1] > 0);
+    let noise = match &options.noise_model {
+        Some(model) => model.clone(),
+        None if scene.objects.is_empty() => NoiseModel::default(),
+        None => shared.to_model(has_occluded),
     };
-    has_fit.iter().map(place).collect()
+    (SceneSolution { estimates, noise, body, ..SceneSolution::default() }, folds, predicted)
 }
 
 /// The chosen body in the world.
@@ -178,18 +191,5 @@ fn in_world(object: &Object) -> Body {
     object.fit().body.in_world(&object.rows.origin, object.rows.unit)
 }
 
-/// The noise of an edge has two equal parts at the half size `pixel_noise_size`, relative to the half size and in pixels.
-fn noise_report(scene: &SceneFit, pixel_noise_size: f64) -> NoiseModel {
-    if scene.objects.is_empty() {
-        return NoiseModel::default();
-    }
-    let [free, occluded] = scene.conditions.noise.map(|sd| sd * std::f64::consts::FRAC_1_SQRT_2);
-    let has_occluded = scene.objects.iter().flat_map(|object| &object.rows.views).any(|view| view.two_sided[1] > 0);
-    let mut levels = vec![("edge_noise", free), ("edge_noise_px", free * pixel_noise_size)];
-    if has_occluded {
-        levels.push(("occluded_edge_noise", occluded));
-    }
-    let weight = scene.conditions.view_weight;
-    levels.push(("edge_correlation", (1.0 - weight) / (1.0 + weight)));
-    NoiseModel::of_report(levels)
-}
+#[cfg(test)]
+mod tests;

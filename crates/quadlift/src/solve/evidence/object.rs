@@ -41,6 +41,8 @@ impl Hypothesis {
 /// The fits of all hypotheses.
 #[derive(Debug, Clone)]
 pub(super) struct Hypotheses {
+    /// The fit of the ellipsoid of any rotation, and those of the others.
+    ellipsoid: Box<Fit>,
     fits: [Option<Box<Fit>>; HYPOTHESES],
     /// Log evidence of each; negative infinity where there is none.
     pub log_evidence: [f64; HYPOTHESES],
@@ -102,7 +104,7 @@ const SCAN: Effort = Effort { rotations: 80, starts: 3, minima: 2, margin: 12.0,
 
 /// A thorough search, and one for boxes with less noise than [`FINE_NOISE`].
 const SEARCH: Effort = Effort { rotations: 250, starts: 12, minima: 5, margin: 30.0, family_margin: f64::INFINITY };
-const FINE_SEARCH: Effort = Effort { rotations: 250, starts: 40, minima: 24, margin: 60.0, ..SEARCH };
+const FINE_SEARCH: Effort = Effort { rotations: 250, starts: 120, minima: 48, margin: 200.0, ..SEARCH };
 
 /// Noise level, in half sizes, below which minima are narrow and all objects are searched.
 pub(super) const FINE_NOISE: f64 = 0.01;
@@ -151,15 +153,14 @@ impl Object {
         work: &mut Workspace,
     ) -> Option<Self> {
         let fit = first_ellipsoid(&rows, conditions, work).filter(|fit| fit.equations.cost.is_finite())?;
-        let mut hypotheses = Hypotheses {
+        let hypotheses = Hypotheses {
+            ellipsoid: Box::new(fit),
             fits: std::array::from_fn(|_| None),
             log_evidence: [f64::NEG_INFINITY; HYPOTHESES],
-            fitted_at: [0.0; HYPOTHESES],
+            fitted_at: [conditions.noise[0]; HYPOTHESES],
             chosen: Hypothesis::ELLIPSOID,
             others: Vec::new(),
         };
-        hypotheses.fits[0] = Some(Box::new(fit));
-        hypotheses.fitted_at[0] = conditions.noise[0];
         let mut object = Self {
             rows,
             hypotheses,
@@ -175,13 +176,13 @@ impl Object {
 
     /// The fit of the chosen hypothesis.
     pub(super) fn fit(&self) -> &Fit {
-        let Hypotheses { fits, chosen, .. } = &self.hypotheses;
-        // The ellipsoid has one from the start, and only hypotheses with fits are chosen.
-        fits[chosen.0].as_deref().or(fits[0].as_deref()).expect("an object has the fit of an ellipsoid")
+        self.fit_of(self.hypotheses.chosen).unwrap_or(&self.hypotheses.ellipsoid)
     }
 
+    /// The fit of a hypothesis, if it has one; the ellipsoid of any rotation always has.
     pub(super) fn fit_of(&self, hypothesis: Hypothesis) -> Option<&Fit> {
-        self.hypotheses.fits[hypothesis.0].as_deref()
+        let Hypotheses { ellipsoid, fits, .. } = &self.hypotheses;
+        if hypothesis == Hypothesis::ELLIPSOID { Some(ellipsoid) } else { fits[hypothesis.0].as_deref() }
     }
 
     pub(super) fn log_evidence_of(&self, fit: &Fit, conditions: &Conditions, work: &mut Workspace) -> f64 {
@@ -213,7 +214,11 @@ impl Object {
     }
 
     fn put(&mut self, h: Hypothesis, fit: Fit, conditions: &Conditions) {
-        self.hypotheses.fits[h.0] = Some(Box::new(fit));
+        if h == Hypothesis::ELLIPSOID {
+            *self.hypotheses.ellipsoid = fit;
+        } else {
+            self.hypotheses.fits[h.0] = Some(Box::new(fit));
+        }
         self.hypotheses.fitted_at[h.0] = conditions.noise[0];
     }
 
@@ -294,7 +299,7 @@ impl Object {
     fn search(&mut self, plan: &Plan, conditions: &Conditions, effort: &Effort, work: &mut Workspace) {
         self.refit(Hypothesis::ELLIPSOID, conditions, work);
         self.update_evidence(Hypothesis::ELLIPSOID, conditions, plan, work);
-        let Some(ellipsoid) = self.fit_of(Hypothesis::ELLIPSOID).copied() else { return };
+        let ellipsoid = *self.hypotheses.ellipsoid;
         for h in plan.hypotheses() {
             let up = plan.up.filter(|_| h.is_upright());
             self.refit(h, conditions, work);
@@ -305,7 +310,15 @@ impl Object {
                     vec![minimize(rows, &start, conditions, Termination::new(3e-2, 10), work)]
                 }
                 Family::Rounded => {
-                    let cuboid = self.fit_of(Hypothesis::of(Family::Cuboid, h.is_upright()));
+                    let known = self.fit_of(Hypothesis::of(Family::Cuboid, h.is_upright())).copied();
+                    // Where rounded bodies are asked for there are no cuboids to start from.
+                    let cuboid = match plan.family {
+                        None => known,
+                        Some(_) => search_angular(rows, Family::Cuboid, &ellipsoid.body, up, conditions, effort, work)
+                            .into_iter()
+                            .next(),
+                    };
+                    let cuboid = cuboid.as_ref();
                     let margin = effort.family_margin;
                     Vec::from_iter(search_rounded(rows, &ellipsoid, cuboid, up, conditions, margin, work))
                 }

@@ -3,7 +3,6 @@
 
 use super::conditions::Conditions;
 use super::fit::{Fit, Termination, Workspace, linearize, minimize};
-use super::lanes::Lanes;
 use super::rows::Rows;
 use super::solid::{Solid, Step};
 use crate::geometry::linalg::solve_spd;
@@ -16,18 +15,17 @@ const MAX_SHARE: f64 = 0.97;
 /// Longest step of the share.
 const MAX_SHARE_STEP: f64 = 0.3;
 
-/// A shorter one is none.
-const MIN_SHARE_STEP: f64 = 0.01;
+/// A step that decreases the cost by less is none.
+const MIN_DECREASE: f64 = 3e-2;
 
 /// Newton's step of the cuboid's share at a fit, with the body optimized for it, and the curvature, prior included.
 fn share_step(rows: &Rows, fit: &Fit, conditions: &Conditions, work: &mut Workspace) -> Option<(f64, f64)> {
     let equations = linearize(rows, &fit.body, conditions, work);
-    let precision = conditions.noise.map(|sd| 1.0 / sd);
     let center: [f64; 3] = fit.body.center.into();
     let (mut gradient, mut curvature, mut cross) = (0.0, 0.0, Step::zeros());
     for (index, view) in rows.views.iter().enumerate() {
         let at = &work.views[index];
-        let mut scale = Lanes::splat(precision[0]) + view.occluded_lanes * (precision[1] - precision[0]);
+        let mut scale = view.sd(&conditions.noise).inverse();
         for edge in 0..4 {
             if view.truncated[edge] && at.residual.0[edge] <= 0.0 {
                 scale.0[edge] = 0.0;
@@ -66,7 +64,7 @@ pub(super) fn fit_rounded(
         curvature = found;
         let share = fit.body.cuboid_share;
         let next = (share + step.clamp(-MAX_SHARE_STEP, MAX_SHARE_STEP)).clamp(MIN_SHARE, MAX_SHARE);
-        if (next - share).abs() < MIN_SHARE_STEP {
+        if (next - share).powi(2) * curvature < MIN_DECREASE {
             break;
         }
         let body = Solid { cuboid_share: next, ..fit.body };

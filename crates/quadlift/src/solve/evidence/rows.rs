@@ -28,7 +28,7 @@ pub(super) struct ViewRows {
     /// Edges that another box probably hides: they have a noise level of their own.
     pub occluded: [bool; 4],
     /// One for occluded edges.
-    pub occluded_lanes: Lanes,
+    occluded_lanes: Lanes,
     /// Number of edges with two sides: not occluded, occluded.
     pub two_sided: [u8; 2],
     /// `f(s)`.
@@ -43,6 +43,12 @@ impl ViewRows {
     /// Noise group of an edge.
     pub(super) fn group(&self, edge: usize) -> usize {
         usize::from(self.occluded[edge])
+    }
+
+    /// Standard deviations of the edges under these noise levels.
+    #[inline(always)]
+    pub(super) fn sd(&self, noise: &[f64; 2]) -> Lanes {
+        Lanes::splat(noise[0]) + self.occluded_lanes * (noise[1] - noise[0])
     }
 
     /// The factor from residuals at the origin to residuals at `center`.

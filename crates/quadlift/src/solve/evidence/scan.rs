@@ -53,12 +53,12 @@ impl LinearRows {
         let center: [f64; 3] = ellipsoid.center.into();
         for (view, at) in rows.views.iter().zip(&work.views) {
             let inverse_depth = view.inverse_depth(&center);
+            let sd = view.sd(&conditions.noise);
             let factor = Lanes(std::array::from_fn(|edge| {
                 if view.truncated[edge] && at.residual.0[edge] <= 0.0 {
                     return 0.0;
                 }
-                let weight = at.weight.0[edge] * conditions.view_weight;
-                inverse_depth / conditions.noise[view.group(edge)] * weight.sqrt()
+                inverse_depth / sd.0[edge] * (at.weight.0[edge] * conditions.view_weight).sqrt()
             }));
             let (n, d) = (view.normal.map(|n| n * factor), view.offset * factor);
             for i in 0..3 {

@@ -4,11 +4,13 @@
 use super::conditions::{Conditions, FIRST_NOISE};
 use super::fit::{Termination, Workspace, minimize};
 use super::levels::{best_level, proposed};
+use super::noise_names::Shared;
 use super::object::{FINE_NOISE, Hypotheses, Object, Plan};
 use super::rows::Rows;
 use super::solid::Solid;
 use super::shares::{Shares, choose};
 use crate::geometry::Body;
+use crate::observer::Watch;
 use crate::parallel::map_mut;
 
 /// Rounds of the noise level with ellipsoids only, and with all families.
@@ -39,20 +41,21 @@ const NOISY: f64 = 0.02;
 const EXACT: f64 = 5e-5;
 
 /// Of the fit to some views of an object from the fit to all.
-const FROM_WHOLE: Termination = Termination::new(1e-2, 20);
+const FROM_WHOLE: Termination = Termination::new(1e-4, 40);
 
 /// The objects of a scene under its conditions.
 pub(super) struct SceneFit<'a> {
     pub objects: Vec<Object>,
     pub conditions: Conditions,
     pub shares: Shares,
-    pub plan: &'a Plan,
+    plan: &'a Plan,
+    watch: &'a Watch<'a>,
 }
 
 impl<'a> SceneFit<'a> {
     /// Fits the objects, and estimates what they share from them. `objects` have the fit of an ellipsoid under `conditions`.
-    pub(super) fn new(objects: Vec<Object>, conditions: Conditions, plan: &'a Plan) -> Self {
-        let mut scene = Self { objects, conditions, shares: Shares::first(plan.family), plan };
+    pub(super) fn new(objects: Vec<Object>, conditions: Conditions, plan: &'a Plan, watch: &'a Watch<'a>) -> Self {
+        let mut scene = Self { objects, conditions, shares: Shares::first(plan.family), plan, watch };
         if scene.objects.is_empty() {
             return scene;
         }
@@ -60,7 +63,13 @@ impl<'a> SceneFit<'a> {
         if !plan.hypotheses().is_empty() {
             scene.fit_families();
         }
+        scene.each(|object, conditions, shares, plan, work| object.finish(conditions, shares, plan, work));
         scene
+    }
+
+    /// Without objects, under given conditions.
+    pub(super) fn given(shared: &Shared, plan: &'a Plan, watch: &'a Watch<'a>) -> Self {
+        Self { objects: Vec::new(), conditions: shared.conditions, shares: shared.shares, plan, watch }
     }
 
     /// Each object with buffers of its own; results in order.
@@ -93,6 +102,9 @@ impl<'a> SceneFit<'a> {
         self.each(|object, conditions, _, plan, work| object.scan(plan, conditions, work));
         self.choose();
         for round in 0..=MAX_SEARCHES {
+            if self.watch.is_canceled() {
+                return;
+            }
             self.each(|object, conditions, shares, plan, work| object.descend(conditions, shares, plan, work));
             let level = best_level(&self.objects, &self.conditions, 0.0);
             self.conditions = self.conditions.at(level);
@@ -121,6 +133,10 @@ impl<'a> SceneFit<'a> {
         let mut evidence = self.log_evidence();
         let mut shrink = 1.0;
         for _ in 0..rounds {
+            self.watch.poll();
+            if self.watch.is_canceled() {
+                return;
+            }
             let mut conditions = proposed(&self.objects, &self.conditions);
             let step = (conditions.noise[0] / self.conditions.noise[0]).ln() * shrink;
             let step = step.clamp(MAX_LEVEL_STEP.0, MAX_LEVEL_STEP.1);
@@ -176,11 +192,6 @@ impl<'a> SceneFit<'a> {
         self.objects.iter().map(of).sum::<f64>() + self.conditions.log_prior()
     }
 
-    /// Takes the fits to their end, and finds alternatives.
-    pub(super) fn finish(&mut self) {
-        self.each(|object, conditions, shares, plan, work| object.finish(conditions, shares, plan, work));
-    }
-
     /// The body of other rows of an object, from where the fit to all of them ended, in the world.
     pub(super) fn refit_from(&self, whole: &Object, rows: &Rows, work: &mut Workspace) -> Body {
         let ratio = whole.rows.unit / rows.unit;
@@ -206,10 +217,11 @@ impl<'a> SceneFit<'a> {
     }
 }
 
-/// Whether no hypothesis explains the boxes of an object.
+/// Whether no hypothesis explains the boxes of an object; of nearly exact boxes all should be explained.
 fn is_unexplained(object: &Object, conditions: &Conditions, work: &mut Workspace) -> bool {
     let limit = if conditions.noise[0] < NOISY { UNEXPLAINED } else { UNEXPLAINED_NOISY };
-    object.residual_level(conditions, work) > limit
+    let residual = object.residual_level(conditions, work);
+    residual > limit || conditions.noise[0] < FINE_NOISE && work.views.iter().any(|view| view.probability < 0.5)
 }
 
 /// Conditions of the first fits.

@@ -24,6 +24,9 @@ const FEW_VIEW_STARTS: usize = 3;
 /// Noise levels through which the first ellipsoid goes, in half sizes.
 const FIRST_LEVELS: [(f64, Termination); 2] = [(0.35, Termination::new(1.0, 3)), (0.12, Termination::new(0.3, 5))];
 
+/// From this level on in factors of [`BEAM_FACTOR`].
+const LAST_FIRST_LEVEL: f64 = 0.1 / BEAM_FACTOR;
+
 /// Axes of cylinders that the scan tries besides those of the ellipsoid.
 const AXES: usize = 48;
 
@@ -70,6 +73,12 @@ pub(super) fn first_ellipsoid(rows: &Rows, conditions: &Conditions, work: &mut W
         let mut body = sphere(rows, start.center, start.radius);
         for (level, termination) in FIRST_LEVELS {
             body = minimize(rows, &body, &conditions.at_least(level), termination, work).body;
+        }
+        // Minima of little noise are too narrow to be met from there.
+        let mut level = LAST_FIRST_LEVEL;
+        while level > conditions.noise[0] {
+            body = minimize(rows, &body, &conditions.at_least(level), Termination::new(0.3, 4), work).body;
+            level /= BEAM_FACTOR;
         }
         let fit = minimize(rows, &body, conditions, Termination::new(1e-2, 8), work);
         let score = fit.equations.cost + log_determinant(&fit.equations.hessian);

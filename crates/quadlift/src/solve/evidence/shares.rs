@@ -24,9 +24,9 @@ const MIN_SHARE_VARIANCE: f64 = 0.0016;
 /// Logarithms of frequencies.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shares {
-    families: [f64; 4],
+    pub families: [f64; 4],
     /// Share of upright objects.
-    upright: f64,
+    pub upright: f64,
 }
 
 impl Shares {
@@ -34,6 +34,18 @@ impl Shares {
     pub(super) fn first(family: Option<Family>) -> Self {
         let families = if family.is_some() { [0.0; 4] } else { FIRST_FAMILIES.map(f64::ln) };
         Self { families, upright: UPRIGHT_OBJECTS / PRIOR_OBJECTS }
+    }
+
+    /// Of the chosen hypotheses: with these as given shares the choice is the same, though an object counts among them.
+    pub(super) fn of_chosen(objects: &[Object], family: Option<Family>) -> Self {
+        let count = objects.len() as f64;
+        let chosen = |is: &dyn Fn(Hypothesis) -> bool| {
+            objects.iter().filter(|object| is(object.hypotheses.chosen)).count() as f64
+        };
+        let of = |k: usize| (chosen(&|h| h.family() == Family::ALL[k]) + FIRST_FAMILIES[k]) / (count + 1.0);
+        let families = std::array::from_fn(|k| if family.is_some() { 0.0 } else { of(k).ln() });
+        let upright = (chosen(&|h| h.is_upright()) + UPRIGHT_OBJECTS) / (count + PRIOR_OBJECTS);
+        Self { families, upright }
     }
 
     /// Logarithms of the prior probabilities of an object's hypotheses.

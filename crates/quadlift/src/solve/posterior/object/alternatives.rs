@@ -23,7 +23,7 @@ use crate::solve::posterior::shared::SharedErrors;
 use crate::sorting::StableSort;
 
 /// Maximum number of alternatives that are refined and reported.
-const MAX_ALTERNATIVES: usize = 3;
+pub(crate) const MAX_ALTERNATIVES: usize = 3;
 
 /// Two bodies are different alternatives if their surfaces differ by this fraction of the mean semi-axis somewhere: a
 /// few per cent of noise change a single body by less.
@@ -113,7 +113,7 @@ impl Fit {
 
 /// Whether the surfaces of two bodies differ by more than [`MIN_SURFACE_DIFFERENCE`], seen from 26 directions between these axes. Where the symmetry of a
 /// cuboid gives the same body other axes the surfaces are the same.
-fn are_different(a: &Body, b: &Body, axes: &Matrix3<f64>) -> bool {
+pub(crate) fn are_different(a: &Body, b: &Body, axes: &Matrix3<f64>) -> bool {
     let size = a.half_extents.product().cbrt();
     let shift = b.center() - a.center();
     (0..27).any(|k| {
