@@ -1,11 +1,11 @@
 //! The options of a run that a user can choose.
 
+use quadlift::MeasurementKind;
 use quadlift::association::IdPolicy;
 use quadlift::cross_validation::Extent;
 use quadlift::geometry::BodyKind;
 use quadlift::run::{AssociateWhen, RunOptions};
 use quadlift::solve::{Method, NoiseModel, PoseMotion, PoseNoise, PosteriorOptions};
-use quadlift::MeasurementKind;
 
 use super::Command::{Associate, Localize, Node, Python, Segment, Stream};
 use super::{Command, Group, Kind, Range, Spec, Value};

@@ -30,7 +30,10 @@ impl PosteriorOptions {
     /// [`OptionError`] names the first option that is out of range.
     pub(crate) fn validate(&self) -> Result<(), OptionError> {
         if let Some(BodyKind::Superellipsoid(_)) = self.body {
-            return refuse("superellipsoids are not fitted; expected an ellipsoid, a cuboid, a cylinder or a rounded body".to_owned());
+            return refuse(
+                "superellipsoids are not fitted; expected an ellipsoid, a cuboid, a cylinder or a rounded body"
+                    .to_owned(),
+            );
         }
         if let Some(PoseNoise { rotation_sd, translation_sd }) = self.pose_noise
             && !(is_positive(rotation_sd) && is_positive(translation_sd))

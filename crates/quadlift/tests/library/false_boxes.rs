@@ -56,7 +56,6 @@ fn shares(views: usize, first_seed: u64) -> (f64, f64) {
             all += 1;
             wrong += usize::from(is_wrong && counts(estimate));
             right += usize::from(is_right);
-            if is_right && !counts(estimate) && seed == first_seed { println!("lost {:?} {:?}", estimate.status, estimate.warnings); }
             lost += usize::from(is_right && !counts(estimate));
         }
     }

@@ -22,4 +22,3 @@ mod surroundings;
 mod test_cases;
 mod trust;
 mod upright;
-mod zz_debug;

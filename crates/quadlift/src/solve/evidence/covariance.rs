@@ -7,8 +7,8 @@
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::conditions::{Conditions, DOF};
-use super::fit::{Workspace, linearize};
 use super::evidence::ROTATION_PRECISION;
+use super::fit::{Workspace, linearize};
 use super::object::Object;
 use super::solid::{Family, Step};
 use crate::geometry::linalg::{cholesky, invert_spd};
@@ -46,8 +46,10 @@ const DRIFT_SD: f64 = 0.02;
 /// Levels that are tried.
 const FIELD_SDS: [f64; 14] = [2e-5, 1e-4, 0.0005, 0.002, 0.005, 0.01, 0.02, 0.035, 0.06, 0.1, 0.15, 0.22, 0.32, 0.45];
 const SIDE_SDS: [f64; 10] = [2e-5, 1e-4, 0.0005, 0.002, 0.005, 0.01, 0.02, 0.035, 0.06, 0.1];
-const DRIFT_SDS: [f64; 18] =
-    [1e-5, 5e-5, 0.0002, 0.0003, 0.0005, 0.0008, 0.0013, 0.002, 0.003, 0.0045, 0.007, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.08];
+const DRIFT_SDS: [f64; 18] = [
+    1e-5, 5e-5, 0.0002, 0.0003, 0.0005, 0.0008, 0.0013, 0.002, 0.003, 0.0045, 0.007, 0.01, 0.015, 0.02, 0.03, 0.04,
+    0.06, 0.08,
+];
 const NOISE_FACTORS: [f64; 7] = [0.3, 0.45, 0.6, 0.75, 0.9, 1.1, 1.4];
 
 /// Limits of the factors on the covariance.

@@ -4,15 +4,16 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::conditions::Conditions;
 use super::fit::{Workspace, residuals};
+use super::noise_names::Shared;
 use super::object::Object;
 use super::solid::{Family, Solid};
-use super::noise_names::Shared;
 use crate::geometry::linalg::invert_spd;
 use crate::geometry::{Body, rotation_vector, vech3};
 use crate::optimize::normal_equations::PARAMETERS;
 use crate::scene::ObjectViews;
 use crate::solve::estimate::{
-    Alternative, Covariance, CovarianceCoordinates, Estimate, GoodnessOfFit, MAX_RELATIVE_CENTER_SD, Matrix9, Status, Warning,
+    Alternative, Covariance, CovarianceCoordinates, Estimate, GoodnessOfFit, MAX_RELATIVE_CENTER_SD, Matrix9, Status,
+    Warning,
 };
 use crate::solve::posterior::object::agreement::{is_inconsistent, median_level};
 use crate::solve::posterior::object::alternatives::{MAX_ALTERNATIVES, are_different, symmetries};

@@ -1,6 +1,6 @@
 //! The noise level of a scene: variance components propose, the evidence of all objects decides.
 
-use super::conditions::{Conditions, MIN_NOISE, OCCLUDED_RATIO, WRONG_SHARE_VIEWS, FIRST_WRONG_SHARE};
+use super::conditions::{Conditions, FIRST_WRONG_SHARE, MIN_NOISE, OCCLUDED_RATIO, WRONG_SHARE_VIEWS};
 use super::fit::{Fit, Workspace, linearize, residuals};
 use super::object::Object;
 use crate::geometry::linalg::{cholesky, invert_spd};

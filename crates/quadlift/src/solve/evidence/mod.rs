@@ -31,8 +31,8 @@ use fit::Workspace;
 use noise_names::Shared;
 use object::{Object, Plan};
 use rows::Rows;
-use shares::Shares;
 use scene::{SceneFit, first_conditions};
+use shares::Shares;
 use solid::Family;
 
 use self::covariance::Systematic;
@@ -105,8 +105,7 @@ pub(super) fn estimate_boxes(
     let up = context.up.filter(|_| options.upright).map(nalgebra::Unit::into_inner);
     let plan = Plan { family: family_of(options.body).flatten(), up };
     let given = options.noise_model.as_ref();
-    let given =
-        given.map(|model| Shared::from_model(model, plan.family, options.shape_sd, options.pixel_noise_size));
+    let given = given.map(|model| Shared::from_model(model, plan.family, options.shape_sd, options.pixel_noise_size));
     let pixel_noise_size = given.map_or(options.pixel_noise_size, |given| given.pixel_noise_size);
     let start = |views: &ObjectViews, conditions: &Conditions, work: &mut Workspace| {
         let prior = views.category_index.and_then(|index| options.priors.of(&context.categories[index]));

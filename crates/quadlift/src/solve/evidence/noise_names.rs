@@ -6,7 +6,9 @@ use super::conditions::{Conditions, FIRST_NOISE, FIRST_WRONG_SHARE};
 use super::covariance::Systematic;
 use super::shares::Shares;
 use super::solid::Family;
-use crate::solve::noise_model::{COMMON_NAMES, CORRELATION_NAMES, NoiseModel, SHARE_NAMES, SPREAD_NAMES, SYSTEMATIC_NAMES};
+use crate::solve::noise_model::{
+    COMMON_NAMES, CORRELATION_NAMES, NoiseModel, SHARE_NAMES, SPREAD_NAMES, SYSTEMATIC_NAMES,
+};
 
 /// Everything that the objects of a scene share.
 #[derive(Debug, Clone, Copy)]

@@ -395,11 +395,9 @@ impl Object {
         let prior = shares.log_priors(self.upright_share);
         let own = self.log_evidence_of(fit, conditions, work) + prior[chosen.0];
         let may_be = |h: &Hypothesis| log_evidence[h.0] + prior[h.0] > own + MIN_CANDIDATE_ODDS;
-        let of_hypotheses = Hypothesis::all()
-            .filter(|h| h != chosen && may_be(h))
-            .filter_map(|h| Some((h, self.fit_of(h)?.body)));
-        let of_minima =
-            others.iter().copied().filter(|(h, _)| (h == chosen || may_be(h)) && self.fit_of(*h).is_some());
+        let of_hypotheses =
+            Hypothesis::all().filter(|h| h != chosen && may_be(h)).filter_map(|h| Some((h, self.fit_of(h)?.body)));
+        let of_minima = others.iter().copied().filter(|(h, _)| (h == chosen || may_be(h)) && self.fit_of(*h).is_some());
         let mut found: Vec<(Solid, f64)> = Vec::new();
         for (h, body) in of_hypotheses.chain(of_minima) {
             if plan.family.is_some() && h.family() != chosen.family() {

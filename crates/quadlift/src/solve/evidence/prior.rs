@@ -75,7 +75,13 @@ impl Solid {
     }
 
     /// The entries of `ln B` between `up` and two horizontal directions: 0 if an axis is vertical.
-    fn add_ellipsoid_tilt(&self, terms: &mut PriorTerms, up: &Vector3<f64>, in_body: &Vector3<f64>, logs: &Vector3<f64>) {
+    fn add_ellipsoid_tilt(
+        &self,
+        terms: &mut PriorTerms,
+        up: &Vector3<f64>,
+        in_body: &Vector3<f64>,
+        logs: &Vector3<f64>,
+    ) {
         let kappas = kappas(logs);
         for horizontal in crate::geometry::rotation::horizontal_basis(up) {
             let level = self.axes.tr_mul(&horizontal);

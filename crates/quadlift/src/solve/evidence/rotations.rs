@@ -80,10 +80,8 @@ mod tests {
     fn rotations_cover_those_of_a_cuboid() {
         let turns = turns_of_cube();
         assert_eq!(turns.len(), 24);
-        let rotations: Vec<Quaternion<f64>> = spread_rotations(80)
-            .iter()
-            .map(|m| *UnitQuaternion::from_matrix(m).quaternion())
-            .collect();
+        let rotations: Vec<Quaternion<f64>> =
+            spread_rotations(80).iter().map(|m| *UnitQuaternion::from_matrix(m).quaternion()).collect();
         // Any rotation is within 30 degrees of one of 80; the cuboid's half turn is 63.
         let farthest = (0..CANDIDATES).map(|k| {
             let one = on_spiral(k);

@@ -87,8 +87,7 @@ impl Rows {
     /// Prepares the views of an object. `pixel_noise_size` is the half size at which the constant part of the noise of an edge
     /// equals the part that grows with the size. `None` where fewer than two boxes show the same place in front of their cameras.
     pub(super) fn new(views: &[View], pixel_noise_size: f64) -> Option<Self> {
-        let boxes: Vec<BoxPlanes> =
-            (0..views.len()).filter_map(|index| BoxPlanes::new(&views[index], index)).collect();
+        let boxes: Vec<BoxPlanes> = (0..views.len()).filter_map(|index| BoxPlanes::new(&views[index], index)).collect();
         let mut boxes = boxes;
         boxes.sort_by(|a, b| a.order().partial_cmp(&b.order()).unwrap_or(std::cmp::Ordering::Equal));
         let spheres = agreeing_spheres(&boxes);

@@ -7,8 +7,8 @@ use super::levels::{best_level, proposed};
 use super::noise_names::Shared;
 use super::object::{FINE_NOISE, Hypotheses, Object, Plan};
 use super::rows::Rows;
-use super::solid::Solid;
 use super::shares::{Shares, choose};
+use super::solid::Solid;
 use crate::geometry::Body;
 use crate::observer::Watch;
 use crate::parallel::map_mut;
@@ -73,7 +73,10 @@ impl<'a> SceneFit<'a> {
     }
 
     /// Each object with buffers of its own; results in order.
-    fn each<T: Send>(&mut self, f: impl Fn(&mut Object, &Conditions, &Shares, &Plan, &mut Workspace) -> T + Sync) -> Vec<T> {
+    fn each<T: Send>(
+        &mut self,
+        f: impl Fn(&mut Object, &Conditions, &Shares, &Plan, &mut Workspace) -> T + Sync,
+    ) -> Vec<T> {
         let (conditions, shares, plan) = (self.conditions, self.shares, self.plan);
         map_mut(&mut self.objects, |object| f(object, &conditions, &shares, plan, &mut Workspace::default()))
     }

@@ -122,7 +122,8 @@ impl Solid {
         let mut moved = *self;
         moved.center += step.fixed_rows::<3>(0);
         if self.family == Family::Ellipsoid {
-            let half = Matrix3::new(step[6], step[5], step[4], step[5], step[7], step[3], step[4], step[3], step[8]) * 0.5;
+            let half =
+                Matrix3::new(step[6], step[5], step[4], step[5], step[7], step[3], step[4], step[3], step[8]) * 0.5;
             let root = Matrix3::from_diagonal(&self.half_extents) * exponential(&half);
             if let Some((lengths, mut axes)) = axes_of_image_of_ball(&root) {
                 if axes.determinant() < 0.0 {

@@ -39,7 +39,9 @@ pub(super) fn agreeing_spheres(boxes: &[BoxPlanes]) -> Vec<Sphere> {
     let whole = if whole.len() >= 2 { whole } else { boxes.iter().collect() };
     let mut found: Vec<Sphere> = of_all(boxes, &whole).into_iter().collect();
     found.extend(pairs(whole.len()).filter_map(|(i, j)| of_pair(whole[i], whole[j])));
-    found.retain(|sphere| sphere.radius > 0.0 && sphere.radius.is_finite() && sphere.center.iter().all(|x| x.is_finite()));
+    found.retain(|sphere| {
+        sphere.radius > 0.0 && sphere.radius.is_finite() && sphere.center.iter().all(|x| x.is_finite())
+    });
     let stride = (boxes.len() / MAX_SCORED).max(1);
     for sphere in &mut found {
         sphere.score = boxes.iter().step_by(stride).map(|planes| log_likelihood(planes, sphere)).sum();
