@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from . import _arrays, _checks, _core, _fiftyone, _formats, _found
+from . import _checks, _core, _fiftyone, _formats, _found
 from ._core import QuadliftError
 from ._formats import CameraOptions, DetectionOptions
 from ._scene_data import SceneData
@@ -87,9 +87,7 @@ class FromOtherPackages(SceneData):
         source: str | None = None,
         min_score: float | None = None,
         match: Literal["auto", "name", "stem", "index", "time"] = "auto",
-        frame_offset: int | None = None,
-        image_size: tuple[float, float] | None = None,
-        orientation: int | str | None = None,
+        assume: str = "",
         replace: bool = False,
         **options: Unpack[DetectionOptions],
     ) -> Self:
@@ -112,13 +110,10 @@ class FromOtherPackages(SceneData):
             Skip detections with a lower score.
         match : {"auto", "name", "stem", "index", "time"}
             How images are matched to frames; a stem is a name without extension.
-        frame_offset : int, optional
-            The number that the detections give to frame number 0; by default inferred from format and names.
-        image_size : (float, float), optional
-            Width and height in pixels of the images on which the detector ran, if they differ from the cameras or are
-            unknown.
-        orientation : int or str, optional
-            EXIF orientation of the pictures that the detector saw, as in `with_detections`.
+        assume : str
+            What the detections really are, as in `Scene.corrected`: ``"image_size=640x640"`` (that of the images on
+            which the detector ran), ``"orientation=6"``, ``"frame_offset=1"`` (the number that they give to frame
+            number 0; by default inferred from format and names).
         replace : bool
             Remove the detections that `cameras` has.
         **options : DetectionOptions
@@ -134,15 +129,11 @@ class FromOtherPackages(SceneData):
         UserWarning
             For skipped detections: images without a frame, boxes without width or height.
         """
-        size = None if image_size is None else _checks.array("image_size", image_size, (2,))
         keywords = {
             "source": _checks.optional(_checks.text, "source", source),
             "min_score": _checks.optional(_checks.number, "min_score", min_score),
             "match": _checks.text("match", match),
-            "frame_offset": None
-            if frame_offset is None
-            else _checks.whole("frame_offset", frame_offset, -(2**31), 2**31),
-            "image_size": None if size is None else size.tolist(),
+            "assume": _checks.text("assume", assume),
             "replace": _checks.flag("replace", replace),
         }
         scene, lost = _checks.scene("cameras", cameras).with_detections_of(
@@ -150,7 +141,6 @@ class FromOtherPackages(SceneData):
             _checks.optional(_checks.text, "format", format),
             keywords,
             _formats.texts(options, DetectionOptions, "Scene.from_detections"),
-            _arrays.exif_orientation(orientation),
         )
         for words in lost:
             warnings.warn(words, stacklevel=2)

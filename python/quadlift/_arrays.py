@@ -29,6 +29,9 @@ class FrameFields(TypedDict, total=False):
 
     projections: ArrayLike | None
     """World to pixels, in the place of `intrinsics` and `cam_from_world`, shape (F, 3, 4)."""
+    distortion: ArrayLike | None
+    """OpenCV's coefficients of the lenses, with `intrinsics`: k1, k2, p1, p2, optionally k3, or k3, k4, k5, k6; shape
+    (N,) or (F, N). Detections are then in pixels of the images as they are, with the distortion."""
     image_sizes: ArrayLike | None
     """Width and height in pixels, shape (2,) or (F, 2). Without them box edges at the image border are not treated as
     cut off."""
@@ -74,6 +77,10 @@ class DetectionFields(TypedDict, total=False):
     by width and height of the cameras' images."""
 
 
+class SceneFields(FrameFields, DetectionFields, total=False):
+    """Frames and detections."""
+
+
 # Inputs of the core, as read by `crates/quadlift-py`; missing keys mean none.
 
 
@@ -85,6 +92,8 @@ class FrameArrays(TypedDict, total=False):
     """(F, 3, 4)."""
     intrinsics: NDArray[np.float64] | None
     """(1, 3, 3) or (F, 3, 3)."""
+    distortion: NDArray[np.float64] | None
+    """(1, 8) or (F, 8)."""
     cam_from_world: NDArray[np.float64] | None
     """(F, 3, 4)."""
     image_sizes: NDArray[np.float64] | None
@@ -186,6 +195,7 @@ def from_arrays(
     cam_from_world: ArrayLike | None,
     *,
     projections: ArrayLike | None = None,
+    distortion: ArrayLike | None = None,
     image_sizes: ArrayLike | None = None,
     frame_ids: Sequence[str] | None = None,
     images: Sequence[str] | None = None,
@@ -198,6 +208,7 @@ def from_arrays(
     numbers = [str(k) for k in range(count)]
     return {
         **matrices,
+        "distortion": None if distortion is None else _lenses(distortion, intrinsics, count),
         "frame_ids": numbers if frame_ids is None else _checks.texts("frame_ids", frame_ids, count),
         "image_sizes": None if image_sizes is None else _sizes(image_sizes, like, count),
         "images": None if images is None else _checks.texts("images", images, count),
@@ -291,7 +302,7 @@ def map_frame(
         else:
             model = (None, *_lens(intrinsics, distortion))
     if distortion is not None and intrinsics is None:
-        raise QuadliftError("distortion goes with intrinsics; found it without them")
+        raise QuadliftError(_LENS_ALONE)
     return {
         "id": frame_id,
         "time": _checks.number("time", time),
@@ -322,16 +333,30 @@ def _lens(intrinsics: ArrayLike | None, distortion: ArrayLike | None) -> tuple[s
     pinhole = [k[0, 0].item(), k[1, 1].item(), k[0, 2].item(), k[1, 2].item()]
     if distortion is None:
         return "PINHOLE", pinhole
-    found = _checks.array("distortion", distortion, ("N",), (1, "N"), ("N", 1)).reshape(-1)
-    if found.size not in (4, 5, 8, 12, 14) or found[8:].any():
-        raise QuadliftError(
-            f"distortion has {found.size} numbers; expected 4, 5 or 8 of OpenCV's coefficients k1, k2, p1, p2, k3, k4, "
-            'k5, k6 (camera={"model": ..., "params": ...} takes other lenses)'
-        )
-    coefficients = [*found[:8].tolist(), *[0.0] * (8 - found[:8].size)]
+    coefficients: list[float] = _lenses(distortion, intrinsics, 1)[0].tolist()
     if any(coefficients[4:]):
         return "FULL_OPENCV", pinhole + coefficients
     return ("OPENCV", pinhole + coefficients[:4]) if any(coefficients) else ("PINHOLE", pinhole)
+
+
+_LENS_ALONE = "distortion goes with intrinsics; found it without them"
+
+
+def _lenses(distortion: ArrayLike, intrinsics: ArrayLike | None, count: int) -> NDArray[np.float64]:
+    """OpenCV's coefficients, (1, 8) or (F, 8), of `count` frames."""
+    if intrinsics is None:
+        raise QuadliftError(_LENS_ALONE)
+    found = _checks.array("distortion", distortion, ("N",), ("F", "N"))
+    if found.ndim == 1 or found.shape[1] == 1:
+        found = found.reshape(1, -1)
+    if len(found) > 1:
+        _checks.rows("distortion", found, "cam_from_world", count)
+    if found.shape[1] not in (4, 5, 8, 12, 14) or found[:, 8:].any():
+        raise QuadliftError(
+            f"distortion has {found.shape[1]} numbers; expected 4, 5 or 8 of OpenCV's coefficients k1, k2, p1, p2, k3, "
+            "k4, k5, k6 (Scene.from_dict and camera=... of ObjectMap.observe take other lenses)"
+        )
+    return np.pad(found[:, :8], ((0, 0), (0, 8 - min(8, found.shape[1]))))
 
 
 def _camera(camera: Any, size: list[float] | None) -> tuple[tuple[str | None, str, list[float]], list[float] | None]:
@@ -398,6 +423,7 @@ def with_detections(
     boxes: ArrayLike | None,
     frames: ArrayLike | None,
     objects: ArrayLike | None,
+    frame_ids: list[str],
     *,
     source: str | None = None,
     ellipses: ArrayLike | None = None,
@@ -412,8 +438,8 @@ def with_detections(
 ) -> tuple[DetectionArrays, str | None]:
     """Detections of the arguments of `Scene.with_detections`, and the orientation as the program takes it."""
     if frames is None:
-        raise QuadliftError("expected frames, the index of the frame of each detection, of the shape (M,); found None")
-    indices = _checks.indices("frames", frames)
+        raise QuadliftError("expected frames, the frame of each detection by index or id, of shape (M,); found None")
+    indices = _checks.places("frames", frames, frame_ids)
     count = len(indices)
     if all(given is None for given in (boxes, ellipses, outlines, oriented_boxes, boxes3d)):
         raise QuadliftError("expected boxes or ellipses; found none of them")
@@ -437,14 +463,9 @@ def with_detections(
         "outlines": _outlines.outlines(outlines, oriented_boxes, count, "frames"),
         "cues": _cues.cues(depths, boxes3d, count, "frames"),
     }
-    return arrays, exif_orientation(orientation)
-
-
-def exif_orientation(value: Any) -> str | None:
-    """An EXIF orientation as the program takes it; None for pictures that are not turned."""
-    if value is None or isinstance(value, str):
-        return value
-    return str(_checks.whole("orientation", value, 1, 8))
+    if orientation is not None and not isinstance(orientation, str):
+        orientation = str(_checks.whole("orientation", orientation, 1, 8))
+    return arrays, orientation
 
 
 def _masks(masks: Sequence[Any], count: int) -> list[Runs | None]:

@@ -81,6 +81,19 @@ def indices(name: str, value: Any) -> NDArray[np.int64]:
     return found.astype(np.int64, copy=False)
 
 
+def places(name: str, value: Any, ids: list[str]) -> NDArray[np.int64]:
+    """Indices, or ids as indices into a list of them; of the shape (M,)."""
+    found = _as_array(name, value)
+    if found.dtype.kind not in "UO" or found.ndim != 1 or not all(isinstance(item, str) for item in found):
+        return indices(name, found)
+    place = {id: k for k, id in enumerate(ids)}
+    for row, item in enumerate(found):
+        if item not in place:
+            some = ", ".join(ids[:5])
+            raise QuadliftError(f'{name}[{row}]: unknown frame "{item}"; the scene has {len(ids)} frames: {some}')
+    return np.array([place[item] for item in found], dtype=np.int64)
+
+
 def rows(name: str, value: Sized, like: str, expected: int) -> None:
     """Raises an error if two arguments have different numbers of rows."""
     if len(value) != expected:

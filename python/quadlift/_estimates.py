@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from . import _core, _options
+from . import _core
 
 if TYPE_CHECKING:
     import pandas
@@ -36,20 +36,16 @@ def read_diagnosis(record: dict[str, Any]) -> dict[str, Any]:
 
 
 def warn_if_inconsistent(diagnosis: dict[str, Any], words: str | None, stacklevel: int) -> None:
-    """Warns of a scene that is inconsistent, with the message of the core and the call that corrects it."""
-    if diagnosis["consistent"] is not False or words is None:
-        return
-    for cause in diagnosis["causes"] + diagnosis.get("together", []):
-        if (option := cause["option"]) is not None:
-            words = words.replace(f"({option})", f"({_options.option_as_call(option)})")
-    text = f"the scene is inconsistent: {words}"
-    warnings.warn(text, InconsistentSceneWarning, stacklevel=stacklevel + 1)
+    """Warns of a scene that is inconsistent, with the message of the core, which names the call that corrects it."""
+    if diagnosis["consistent"] is False and words is not None:
+        text = f"the scene is inconsistent: {words}"
+        warnings.warn(text, InconsistentSceneWarning, stacklevel=stacklevel + 1)
 
 
 class InconsistentSceneWarning(UserWarning):
     """The scene is inconsistent: its poses, cameras and boxes do not fit together.
 
-    No object is ``"ok"``; `Estimates.diagnosis` has the cause, `Scene.corrected` corrects it.
+    No object is ``"ok"``; `Estimates.diagnosis` has the cause, `Estimates.corrected` or `Scene.corrected` corrects it.
     """
 
 

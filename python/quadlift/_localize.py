@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from . import _options
-from ._arrays import DetectionFields, FrameFields
+from ._arrays import SceneFields
 from ._scene import Estimates, Scene
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
 
-class LocalizeArguments(FrameFields, DetectionFields, _options.Options, total=False):
+class LocalizeArguments(SceneFields, _options.Options, total=False):
     """Arguments of `localize`."""
 
 
@@ -37,16 +37,16 @@ def localize(
         Poses ``[R | t]``, world to camera, OpenCV's axes.
     boxes : array_like, shape (M, 4), optional
         ``[x0, y0, x1, y1]`` in pixels; a row of NaN means none.
-    frames : array_like of int, shape (M,)
-        Indices of the detections' frames, 0 to F - 1.
+    frames : array_like of int or str, shape (M,)
+        The detections' frames: indices, 0 to F - 1, or ids.
     objects : array_like of int or str, shape (M,), optional
         The objects of the detections; negative numbers, None and "" mean unknown. If any is unknown, or without this
         argument, the detections are associated first.
     **arguments : LocalizeArguments
-        Frames, see `quadlift.FrameFields`: ``projections``, ``image_sizes``, ``frame_ids``, ``images``, ``name``,
-        ``up``, ``length_unit``. Detections, see `quadlift.DetectionFields`: ``ellipses``, ``masks``, ``outlines``,
-        ``oriented_boxes``, ``scores``, ``categories``, ``depths``, ``boxes3d``, ``orientation``. The options of the
-        program with its defaults, see `quadlift.Options`.
+        Frames, see `quadlift.FrameFields`: ``projections``, ``distortion``, ``image_sizes``, ``frame_ids``, ``images``,
+        ``name``, ``up``, ``length_unit``. Detections, see `quadlift.DetectionFields`: ``ellipses``, ``masks``,
+        ``outlines``, ``oriented_boxes``, ``scores``, ``categories``, ``depths``, ``boxes3d``, ``orientation``. The
+        options of the program with its defaults, see `quadlift.Options`.
 
     Returns
     -------
@@ -62,20 +62,17 @@ def localize(
     Warns
     -----
     InconsistentSceneWarning
-        If poses, cameras and boxes are inconsistent: no object is ``"ok"`` then. Names the mistake and its correction.
+        If poses, cameras and boxes are inconsistent: no object is ``"ok"`` then, and without ids there may be none.
+        Names the mistake and its correction, such as ``corrected("poses=opengl")``: `Estimates.corrected`.
 
     Notes
     -----
     Releases the GIL; Ctrl-C works.
     """
     given = cast("dict[str, Any]", arguments)
-    of_frames, of_detections = (
-        {name: given.pop(name) for name in fields.__annotations__ if name in given}
-        for fields in (FrameFields, DetectionFields)
-    )
+    arrays = {name: given.pop(name) for name in SceneFields.__annotations__ if name in given}
     keywords, threads, progress = _options.split(cast("_options.Options", given), "localize")
-    scene = Scene.from_arrays(intrinsics, cam_from_world, **of_frames)
-    scene = scene.with_detections(boxes, frames, objects, **of_detections)
+    scene = Scene.from_arrays(intrinsics, cam_from_world, boxes, frames, objects, **arrays)
     localized = scene._core.localize(keywords, threads, progress)
     ids = "found"
     if objects is not None and not localized.associated:

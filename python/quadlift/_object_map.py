@@ -59,9 +59,9 @@ class MapObject:
         Probability that it exists and is where it is.
     evidence : float
         Evidence of its kept views against clutter (nats).
-    center, semi_axes : ndarray, shape (3,)
-        Center and semi-axes of the map's quick fit, an ellipsoid, world units; `ObjectMap.objects` has better estimates
-        with covariances.
+    center, half_extents : ndarray, shape (3,)
+        Center and half extents of the map's quick fit, an ellipsoid, world units; `ObjectMap.objects` has better
+        estimates with kinds and covariances.
     quaternion : ndarray, shape (4,)
         Its rotation, world from object: a unit quaternion, w first.
     first_seen, last_seen : float
@@ -77,7 +77,7 @@ class MapObject:
     existence: float
     evidence: float
     center: NDArray[np.float64]
-    semi_axes: NDArray[np.float64]
+    half_extents: NDArray[np.float64]
     quaternion: NDArray[np.float64]
     first_seen: float
     last_seen: float
@@ -102,7 +102,7 @@ class MapObjects:
         In ascending order.
     presence : ndarray of str, shape (N,)
     existence, evidence : ndarray, shape (N,)
-    centers, semi_axes : ndarray, shape (N, 3)
+    centers, half_extents : ndarray, shape (N, 3)
     quaternions : ndarray, shape (N, 4)
     first_seen, last_seen : ndarray, shape (N,)
     detections, expected_views, kept_views : ndarray of int, shape (N,)
@@ -114,7 +114,7 @@ class MapObjects:
     existence: NDArray[np.float64]
     evidence: NDArray[np.float64]
     centers: NDArray[np.float64]
-    semi_axes: NDArray[np.float64]
+    half_extents: NDArray[np.float64]
     quaternions: NDArray[np.float64]
     first_seen: NDArray[np.float64]
     last_seen: NDArray[np.float64]
@@ -125,7 +125,7 @@ class MapObjects:
 
     @classmethod
     def _of(cls, found: dict[str, Any]) -> MapObjects:
-        shapes = {"centers": 3, "semi_axes": 3, "quaternions": 4}
+        shapes = {"centers": 3, "half_extents": 3, "quaternions": 4}
         for name, width in shapes.items():
             found[name] = found[name].reshape(-1, width)
         found["ids"] = np.array(found.pop("object_ids"), dtype=np.str_)
@@ -152,7 +152,7 @@ class MapObjects:
             existence=float(self.existence[row]),
             evidence=float(self.evidence[row]),
             center=self.centers[row],
-            semi_axes=self.semi_axes[row],
+            half_extents=self.half_extents[row],
             quaternion=self.quaternions[row],
             first_seen=float(self.first_seen[row]),
             last_seen=float(self.last_seen[row]),
@@ -168,9 +168,9 @@ class MapObjects:
         Returns
         -------
         pandas.DataFrame
-            Columns `object`, `category` (the most frequent one), `presence`, `existence`, `evidence`, `x`, `y`, `z`,
-            `semi_axis_0` to `_2`, `qw`, `qx`, `qy`, `qz`, `first_seen`, `last_seen`, `detections`, `expected_views`,
-            `kept_views`.
+            Columns `object`, `category` (the most frequent one), `presence`, `existence`, `evidence`, `center_x` to
+            `center_z`, `half_extent_1` to `_3`, `qw`, `qx`, `qy`, `qz`, `first_seen`, `last_seen`, `detections`,
+            `expected_views`, `kept_views`.
         """
         try:
             import pandas as pd
@@ -179,8 +179,8 @@ class MapObjects:
         categories = [next(iter(shares), None) for shares in self.categories]
         columns: dict[str, Any] = {"object": self.ids, "category": categories}
         columns |= {name: getattr(self, name) for name in ("presence", "existence", "evidence")}
-        columns |= {name: self.centers[:, k] for k, name in enumerate("xyz")}
-        columns |= {f"semi_axis_{k}": self.semi_axes[:, k] for k in range(3)}
+        columns |= {f"center_{name}": self.centers[:, k] for k, name in enumerate("xyz")}
+        columns |= {f"half_extent_{k + 1}": self.half_extents[:, k] for k in range(3)}
         columns |= {name: self.quaternions[:, k] for k, name in enumerate(("qw", "qx", "qy", "qz"))}
         names = ("first_seen", "last_seen", "detections", "expected_views", "kept_views")
         columns |= {name: getattr(self, name) for name in names}

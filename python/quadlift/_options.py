@@ -257,14 +257,3 @@ def _priors(priors: Any) -> tuple[str | None, str | None]:
 def up(value: Any) -> str | None:
     """The value of `up` for the core."""
     return None if value is None else ",".join(map(repr, _checks.direction("up", value)))
-
-
-def option_as_call(option: str) -> str:
-    """An option of the program, such as ``--assume poses=opengl``, as a call."""
-    words = option.split()
-    if words[0] == "--assume":
-        return f"Scene.corrected({words[1]!r})"
-    keywords = ", ".join(
-        f"{name[2:].replace('-', '_')}={value!r}" for name, value in zip(words[::2], words[1::2], strict=True)
-    )
-    return f"Scene.corrected({keywords})" if words[0] == "--up" else f"localize({keywords})"

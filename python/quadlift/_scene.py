@@ -63,10 +63,10 @@ class Scene(FromOtherPackages):
         dict
             As `Estimates.diagnosis`. `consistent` is None if nothing was checked: no object has two boxes.
         """
-        text, _ = self._core.diagnosis(_checks.optional(_checks.text, "source", source))
+        text = self._core.diagnosis(_checks.optional(_checks.text, "source", source))
         return _estimates.read_diagnosis(json.loads(text))
 
-    def corrected(self, assume: str = "", *, up: str | ArrayLike | None = None) -> Scene:
+    def corrected(self, assume: str = "", *, up: str | ArrayLike | None = None, fix: bool = False) -> Scene:
         """The scene with corrections of common mistakes applied.
 
         Parameters
@@ -76,14 +76,15 @@ class Scene(FromOtherPackages):
             lists the keys and their values.
         up : str or array_like, shape (3,), optional
             World direction against gravity: an axis such as ``"-y"``, or a direction.
+        fix : bool
+            Whether what `diagnose` finds is corrected then, too, until the scene is consistent (3 times at most).
 
         Returns
         -------
         Scene
             Without detections that no longer belong to a frame.
         """
-        scene, _ = self._core.corrected(_checks.text("assume", assume), _options.up(up))
-        return Scene(scene)
+        return Scene(self._core.corrected(_checks.text("assume", assume), _options.up(up), _checks.flag("fix", fix)))
 
     def segment(self, **options: Unpack[_options.SegmentOptions]) -> Scene:
         """Segments the detections in the images and fits ellipses to the masks, like the program.
@@ -204,7 +205,7 @@ class Scene(FromOtherPackages):
         Warns
         -----
         InconsistentSceneWarning
-            Units or `up` of the maps contradict their objects.
+            Units or `up` of the maps contradict their objects, or one of them is mirrored.
 
         Raises
         ------
@@ -218,8 +219,12 @@ class Scene(FromOtherPackages):
         found, merged = self._core.align(_checks.scene("other", other), _checks.text("scale", scale), up)
         alignment = Alignment._of(json.loads(found), None if merged is None else Scene(merged))
         if not alignment.consistent:
-            what = {"scale": "units", "up": "`up`"}[alignment.contradiction or "scale"]
-            text = f"the maps are inconsistent: their {what} contradict the objects"
+            why = {
+                "scale": "their units contradict the objects",
+                "up": "their `up` contradict the objects",
+                "mirrored": "the mirror image of the other one fits clearly better",
+            }[alignment.contradiction or "scale"]
+            text = f"the maps are inconsistent: {why}"
             warnings.warn(text, _estimates.InconsistentSceneWarning, stacklevel=2)
         return alignment
 
@@ -331,7 +336,7 @@ class Estimates(EstimateArrays, Relocalizes):
         The consistency check: `consistent` (None if it was not checked, as no object has two boxes), `score` (the
         typical distance by which boxes miss their object, in half sizes; None if not checked) and `causes`, the common
         mistakes that explain an inconsistency, the best first: `name`, `value`, `before` and `after` (the score before
-        and after correction), `option` of the program that corrects it (also a keyword of `Scene.corrected`).
+        and after correction), `option` of the program that corrects it (the warning names the call).
     association : dict or None
         The result of association, if it was run: `objects` (`id`, `views`, `expected_views`, `evidence` in nats,
         `uncertain`), the numbers of detections `associated`, of `clutter` (unassigned) and `skipped` (by reason),
@@ -347,13 +352,14 @@ class Estimates(EstimateArrays, Relocalizes):
         of_text = {str(object_id): object_id for object_id in self.object_ids}
         return Location._of(found, lambda row: of_text[ids[row]])
 
-    def to_scene(self) -> Scene:
-        """A scene with the cameras and frames and the estimates as objects, as written by the program.
+    def corrected(self, assume: str = "", *, up: str | ArrayLike | None = None, fix: bool = False) -> Scene:
+        """The scene that was localized with corrections, for another `localize`: see `Scene.corrected`."""
+        return Scene(self._localized.given).corrected(assume, up=up, fix=fix)
 
-        Returns
-        -------
-        Scene
-            Without detections, except after association.
+    def to_scene(self) -> Scene:
+        """A scene with cameras, frames, the used detections, and the estimates as objects, as written by the program.
+
+        Detections are those of the used source, without masks, with the ids of their objects.
         """
         return Scene(self._localized.to_scene())
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _arrays, _checks, _core, _formats, _notebook, _rerun
-from ._arrays import DetectionFields, FrameFields
+from ._arrays import DetectionFields, FrameFields, SceneFields
 from ._core import QuadliftError
 from ._formats import ExportOptions
 
@@ -30,29 +30,34 @@ class SceneData:
     # Files
 
     @classmethod
-    def read(cls, path: Path) -> Self:
+    def read(cls, path: Path, *, assume: str = "") -> Self:
         """Reads a scene file.
 
         Parameters
         ----------
         path : path-like
             The file, JSON of the format ``quadlift.scene``.
+        assume : str
+            What the file really holds, as in `Scene.corrected`: ``"boxes=xywh"``.
 
         Raises
         ------
         QuadliftError
             Names the file, the place in it, what was found and what was expected.
         """
-        return cls(_core.Scene.read(path))
+        return cls(_core.Scene.read(path, _checks.text("assume", assume)))
 
     @classmethod
-    def from_dict(cls, document: Mapping[str, Any]) -> Self:
-        """Makes a scene from a document in the format of scene files; NumPy numbers and arrays are accepted."""
+    def from_dict(cls, document: Mapping[str, Any], *, assume: str = "") -> Self:
+        """Makes a scene from a document in the format of scene files; NumPy numbers and arrays are accepted.
+
+        What the document really holds is `assume`, as in `read`.
+        """
         try:
             text = json.dumps(document, default=_plain)
         except (TypeError, ValueError, RecursionError) as error:
             raise QuadliftError(f"the document is no JSON: {error}") from error
-        return cls(_core.Scene.parse(text.encode(), ""))
+        return cls(_core.Scene.parse(text.encode(), "", _checks.text("assume", assume)))
 
     def to_dict(self) -> dict[str, Any]:
         """The document of the scene file."""
@@ -70,8 +75,8 @@ class SceneData:
         Raises
         ------
         QuadliftError
-            If the file is an image or mask of the scene; or if this scene has the estimates but not the detections of a
-            localized scene and the file is that scene.
+            If the file is an image or mask of the scene; or if this scene is the result of a localized scene and the
+            file is that scene.
         """
         self._core.write(path)
 
@@ -82,9 +87,12 @@ class SceneData:
         cls,
         intrinsics: ArrayLike | None = None,
         cam_from_world: ArrayLike | None = None,
-        **fields: Unpack[FrameFields],
+        boxes: ArrayLike | None = None,
+        frames: ArrayLike | None = None,
+        objects: ArrayLike | None = None,
+        **fields: Unpack[SceneFields],
     ) -> Self:
-        """Posed frames; `with_detections` adds detections.
+        """Posed frames with detections, if there are any: the arrays of `quadlift.localize`.
 
         Parameters
         ----------
@@ -92,11 +100,21 @@ class SceneData:
             Pinhole cameras in pixels, one for all frames or one for each.
         cam_from_world : array_like, shape (F, 3, 4) or (F, 4, 4)
             Poses, world to camera, OpenCV's axes.
-        **fields : FrameFields
-            ``projections``, ``image_sizes``, ``frame_ids``, ``images``, ``name``, ``up``, ``length_unit``:
-            `quadlift.FrameFields` describes them.
+        boxes, frames, objects : array_like, optional
+            Detections, as in `with_detections`, which adds more, and those of other sources.
+        **fields : SceneFields
+            Frames, see `quadlift.FrameFields`: ``projections``, ``distortion``, ``image_sizes``, ``frame_ids``,
+            ``images``, ``name``, ``up``, ``length_unit``. Detections, see `quadlift.DetectionFields`.
         """
-        return cls(_core.Scene.from_frames(_arrays.from_arrays(intrinsics, cam_from_world, **fields)))
+        given: dict[str, Any] = {**fields}
+        of_frames = {name: given.pop(name) for name in FrameFields.__annotations__ if name in given}
+        for name in given:
+            if name not in DetectionFields.__annotations__:
+                raise TypeError(f"from_arrays() got an unexpected keyword argument {name!r}")
+        scene = cls(_core.Scene.from_frames(_arrays.from_arrays(intrinsics, cam_from_world, **of_frames)))
+        if all(value is None for value in (boxes, frames, objects, *given.values())):
+            return scene
+        return scene.with_detections(boxes, frames, objects, **given)
 
     def with_detections(
         self,
@@ -113,8 +131,8 @@ class SceneData:
         ----------
         boxes : array_like, shape (M, 4), optional
             ``[x0, y0, x1, y1]`` in pixels; a row of NaN means none.
-        frames : array_like of int, shape (M,)
-            Indices of the frames, 0 to F - 1.
+        frames : array_like of int or str, shape (M,)
+            The frames: indices, 0 to F - 1, or ids.
         objects : array_like of int or str, shape (M,), optional
             The objects; negative numbers, None and "" mean unknown. A source detects each at most once per frame.
         source : str, optional
@@ -123,7 +141,7 @@ class SceneData:
             ``ellipses``, ``masks``, ``outlines``, ``oriented_boxes``, ``scores``, ``categories``, ``depths``,
             ``boxes3d``, ``orientation``: `quadlift.DetectionFields` describes them.
         """
-        arrays = _arrays.with_detections(boxes, frames, objects, source=source, **fields)
+        arrays = _arrays.with_detections(boxes, frames, objects, self.frame_ids, source=source, **fields)
         return type(self)(self._core.with_detections(*arrays))
 
     def to_arrow(self) -> tuple[pyarrow.Table, pyarrow.Table]:
@@ -266,7 +284,7 @@ def frame_id(name: str, value: Any) -> str:
 
 def _read_again(cls: type[SceneData], text: str, path: Path) -> SceneData:
     """A scene that was pickled."""
-    return cls(_core.Scene.parse(text.encode(), path))
+    return cls(_core.Scene.parse(text.encode(), path, ""))
 
 
 def _plain(value: Any) -> Any:

@@ -62,6 +62,26 @@ def test_maps_from_two_sides_are_aligned_and_merged() -> None:
     assert alignment.merged is not None
     assert alignment.merged.object_count == 8
     assert len(alignment.merged.frame_ids) == 2 * FRAMES
+    # With the detections of both, under the ids of the merged objects.
+    assert len(alignment.merged) == 2 * 8 * FRAMES
+    assert alignment.merged.object_ids == names
+    found = alignment.merged.localize()
+    assert found.ok.all()
+    assert found.views_used.tolist() == [2 * FRAMES] * 8
+
+
+def test_a_mirrored_map_is_told() -> None:
+    names = [f"a{k}" for k in range(8)]
+    a = half(0.0, names, 1.0, [0.0, 0.0, 0.0])
+    document = half(np.pi, names, 1.0, [3.0, -1.0, 2.0]).to_dict()
+    del document["frames"], document["detections"]
+    for thing in document["objects"]:
+        (w, x, y, z), center = thing["body"]["rotation"], thing["body"]["center"]
+        thing["body"]["rotation"] = [w, x, -y, -z]
+        thing["body"]["center"] = thing["center"] = [-center[0], *center[1:]]
+    with pytest.warns(quadlift.InconsistentSceneWarning, match="the mirror image of the other one fits clearly better"):
+        alignment = a.align(quadlift.Scene.from_dict(document))
+    assert alignment.contradiction == "mirrored"
 
 
 def test_maps_that_are_not_aligned_say_why() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -37,7 +38,7 @@ def test_inverted_poses_are_told_and_mended() -> None:
     wrong = {**given, "projections": with_inverted_poses(given["projections"])}
     with pytest.warns(quadlift.InconsistentSceneWarning, match="camera-to-world") as told:
         estimates = quadlift.localize(**wrong)
-    assert "Scene.corrected('poses=world-from-camera')" in str(told[0].message)
+    assert 'after correction (corrected("poses=world-from-camera"))' in str(told[0].message)
     assert told[0].filename == __file__
     assert not estimates.ok.any()
     cause = estimates.diagnosis["causes"][0]
@@ -46,8 +47,7 @@ def test_inverted_poses_are_told_and_mended() -> None:
     with pytest.warns(quadlift.InconsistentSceneWarning):
         quadlift.localize(**wrong, allow_inconsistent=True)
 
-    frames = {name: wrong.pop(name) for name in ("projections", "image_sizes")}
-    scene = quadlift.Scene.from_arrays(**frames).with_detections(**wrong)
+    scene = quadlift.Scene.from_arrays(**wrong)
     assert scene.diagnose() == estimates.diagnosis
     mended = scene.corrected("poses=world-from-camera")
     assert mended.diagnose()["consistent"] is True
@@ -55,16 +55,66 @@ def test_inverted_poses_are_told_and_mended() -> None:
     np.testing.assert_allclose(mended.localize().centers, quadlift.localize(**given).centers, atol=1e-6)
 
 
+def test_what_a_message_proposes_works_on_all_that_is_at_hand(tmp_path: Path) -> None:
+    given = made_scene(objects=6, views=12).arguments()
+    wrong = {**given, "projections": with_inverted_poses(given["projections"])}
+    expected = quadlift.localize(**given).centers
+    scene = quadlift.Scene.from_arrays(**wrong)
+    with pytest.warns(quadlift.InconsistentSceneWarning, match="camera-to-world"):
+        estimates = scene.localize()
+    scene.write(tmp_path / "scene.json")
+    estimates.to_scene().write(tmp_path / "result.json")
+    at_hand: dict[str, quadlift.Scene | quadlift.Estimates] = {
+        "scene": scene,
+        "estimates": estimates,
+        "result": estimates.to_scene(),
+        "file of the scene": quadlift.Scene.read(tmp_path / "scene.json"),
+        "file of the result": quadlift.Scene.read(tmp_path / "result.json"),
+    }
+    for name, one in at_hand.items():
+        mended = one.corrected("poses=world-from-camera").localize()
+        assert mended.diagnosis["consistent"], name
+        np.testing.assert_allclose(mended.centers, expected, atol=1e-6, err_msg=name)
+        assert one.corrected(fix=True).to_dict() == one.corrected("poses=world-from-camera").to_dict(), name
+
+
+@pytest.mark.parametrize("views", [3, 12])
+def test_inconsistent_scenes_warn_without_ids_too(views: int) -> None:
+    given = made_scene(objects=6, views=views).arguments()
+    del given["objects"]
+    wrong = {**given, "projections": with_inverted_poses(given["projections"])}
+    with pytest.warns(quadlift.InconsistentSceneWarning, match="camera-to-world") as told:
+        estimates = quadlift.localize(**wrong)
+    assert 'corrected("poses=world-from-camera")' in str(told[0].message)
+    assert told[0].filename == __file__
+    assert not estimates.ok.any()
+    assert estimates.diagnosis["causes"][0]["name"] == "camera_to_world"
+    mended = estimates.corrected("poses=world-from-camera").localize()
+    np.testing.assert_allclose(mended.centers, quadlift.localize(**given).centers, atol=1e-6)
+    with pytest.warns(quadlift.InconsistentSceneWarning, match="camera-to-world"):
+        assert not quadlift.Scene.from_arrays(**wrong).localize().ok.any()
+
+
+def test_ids_that_change_are_told_with_the_keywords_that_mend_them() -> None:
+    given = made_scene(objects=6, views=12).arguments()
+    # In every other frame two objects each have the ids of each other.
+    given["objects"] = np.where(given["frames"] % 2 == 1, given["objects"] ^ 1, given["objects"])
+    with pytest.warns(quadlift.InconsistentSceneWarning) as told:
+        quadlift.localize(**given)
+    assert "the object ids switch between objects" in str(told[0].message)
+    assert '(associate="always", ids="ignore")' in str(told[0].message)
+    assert quadlift.localize(**given, associate="always", ids="ignore").ok.tolist() == [True] * 6
+
+
 def test_scenes_without_ids_are_associated_for_the_check() -> None:
     made = made_scene(objects=6, views=12)
     given = dict(made.arguments())
     del given["objects"]
-    frames = {name: given.pop(name) for name in ("projections", "image_sizes")}
-    diagnosis = quadlift.Scene.from_arrays(**frames).with_detections(**given).diagnose()
+    diagnosis = quadlift.Scene.from_arrays(**given).diagnose()
     assert diagnosis["consistent"] is True
     assert diagnosis["score"] < 0.1
-    frames["projections"] = with_inverted_poses(frames["projections"])
-    diagnosis = quadlift.Scene.from_arrays(**frames).with_detections(**given).diagnose()
+    given["projections"] = with_inverted_poses(given["projections"])
+    diagnosis = quadlift.Scene.from_arrays(**given).diagnose()
     assert diagnosis["consistent"] is False
     assert diagnosis["causes"][0]["name"] == "camera_to_world"
 

@@ -44,7 +44,7 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "reversed box": ({"boxes": MADE.boxes[:, [2, 1, 0, 3]]}, "boxes[0]: the box"),
     "no box": ({"boxes": changed(MADE.boxes, 4, NAN)}, "row 4 has neither a box nor an ellipse"),
-    "frames": ({"frames": None}, "expected frames, the index of the frame of each detection, of the shape (M,)"),
+    "frames": ({"frames": None}, "expected frames, the frame of each detection by index or id, of shape (M,)"),
     "nothing measured": ({"boxes": None}, "expected boxes or ellipses; found none of them"),
     "frame": ({"frames": np.arange(10)}, "frames[5] is 5; expected 0 to 4: there are 5 frames"),
     "negative frame": ({"frames": -np.ones(10, int)}, "frames[0] is -1; expected 0 to 4: there are 5 frames"),
@@ -53,7 +53,21 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
         {"frames": np.where(MADE.frames == 1, NAN, MADE.frames)},
         "frames[2] is nan; expected a whole number",
     ),
-    "dtype of frame": ({"frames": ["a"] * 10}, "frames has the dtype <U1; expected whole numbers"),
+    "name of frame": (
+        {"frames": ["4"] * 9 + ["a"]},
+        'frames[9]: unknown frame "a"; the scene has 5 frames: 0, 1, 2, 3, 4',
+    ),
+    "dtype of frame": ({"frames": [True] * 10}, "frames has the dtype bool; expected whole numbers"),
+    "lens without a camera": ({"distortion": np.zeros(5)}, "distortion goes with intrinsics; found it without them"),
+    "lenses": (
+        {
+            "projections": None,
+            "intrinsics": np.eye(3),
+            "cam_from_world": np.tile(np.eye(3, 4), (5, 1, 1)),
+            "distortion": np.zeros((4, 5)),
+        },
+        "distortion has the shape (4, 5); expected (5, 5), as many rows as cam_from_world",
+    ),
     "shape of intrinsics": (
         {"projections": None, "intrinsics": np.eye(4), "cam_from_world": np.zeros((5, 3, 4))},
         "intrinsics has the shape (4, 4); expected (F, 3, 3) or (3, 3)",

@@ -144,7 +144,7 @@ def test_how_detections_meet_frames(made: Arrays, tmp_path: Path) -> None:
         by_name = quadlift.Scene.from_detections(tmp_path / "boxes.csv", cameras, match="name", source="csv")
     assert len(by_name) == 20
     by_number = quadlift.Scene.from_detections(
-        tmp_path / "boxes.csv", by_name, match="index", frame_offset=1, replace=True, format="csv"
+        tmp_path / "boxes.csv", by_name, match="index", assume="frame_offset=1", replace=True, format="csv"
     )
     assert len(by_number) == 24
     np.testing.assert_allclose(by_number.localize().centers, quadlift.localize(**made.arguments()).centers, atol=1e-9)
@@ -187,7 +187,7 @@ def test_turned_pictures(made: Arrays, program: Program, tmp_path: Path) -> None
     made.boxes, straight = given["boxes"], made.boxes
     write_table(tmp_path / "boxes.csv", made, [str(k) for k in range(6)])
     made.boxes = straight
-    with_both = quadlift.Scene.from_detections(tmp_path / "boxes.csv", both, orientation=6)
+    with_both = quadlift.Scene.from_detections(tmp_path / "boxes.csv", both, assume="orientation=6")
     boxes = np.array([detection["box"] for detection in with_both.to_dict()["detections"]])
     np.testing.assert_allclose(boxes, [*made.boxes[:4], *made.boxes[:4], *made.boxes], atol=1e-9)
 
@@ -233,3 +233,58 @@ def test_wrong_pictures(made: Arrays, tmp_path: Path) -> None:
             scene.render(*arguments, **options)
     scene.render(0, tmp_path / "a.png")
     assert (tmp_path / "a.png").is_file()
+
+
+def test_messages_name_keywords_that_work(made: Arrays, tmp_path: Path) -> None:
+    """What the messages of the program name as options, Python names as what it has."""
+    expected = quadlift.localize(**made.arguments()).centers
+    scene = quadlift.Scene.from_arrays(**made.arguments())
+    document = scene.to_dict()
+    for detection in document["detections"]:
+        x0, y0, x1, y1 = detection["box"]
+        detection["box"] = [x0, y0, x1 - x0, y1 - y0]
+    path = tmp_path / "scene.json"
+    path.write_text(json.dumps(document))
+    told = r'if the numbers are x, y, width, height: assume="boxes=xywh"; center and size: assume="boxes=cxcywh"\)'
+    with pytest.raises(quadlift.QuadliftError, match=told):
+        quadlift.Scene.read(path)
+    with pytest.raises(quadlift.QuadliftError, match=told):
+        quadlift.Scene.from_dict(document)
+    for read in (
+        quadlift.Scene.read(path, assume="boxes=xywh"),
+        quadlift.Scene.from_dict(document, assume="boxes=xywh"),
+    ):
+        np.testing.assert_allclose(read.localize().centers, expected, atol=1e-6)
+    with pytest.raises(quadlift.QuadliftError, match='assume is "boxes=ltrb"; expected one of xyxy'):
+        quadlift.Scene.read(path, assume="boxes=ltrb")
+
+    # A detector that ran on images of half the size.
+    cameras = quadlift.Scene.from_arrays(
+        projections=made.projections, image_sizes=(640, 480), frame_ids=[f"{k}.png" for k in range(6)]
+    )
+    images = [{"id": k, "file_name": f"{k}.png", "width": 320, "height": 240} for k in range(6)]
+    annotations = [
+        {"image_id": int(f), "category_id": 1, "track_id": int(o), "bbox": [b[0], b[1], b[2] - b[0], b[3] - b[1]]}
+        for f, o, b in zip(made.frames, made.objects, made.boxes / 2, strict=True)
+    ]
+    coco = {"images": images, "annotations": annotations, "categories": [{"id": 1, "name": "cup"}]}
+    (tmp_path / "boxes.json").write_text(json.dumps(coco))
+    with pytest.raises(quadlift.QuadliftError, match=r'size \(assume="image_size=320x240" scales them\)'):
+        quadlift.Scene.from_detections(tmp_path / "boxes.json", cameras)
+    scaled = quadlift.Scene.from_detections(tmp_path / "boxes.json", cameras, assume="image_size=320x240")
+    np.testing.assert_allclose(scaled.localize().centers, expected, atol=1e-6)
+
+    estimates = scene.localize()
+    with pytest.raises(quadlift.QuadliftError, match=r"localize\(enclosing=True\) adds them"):
+        estimates.export("ply", tmp_path / "objects.ply", enclosing=True)
+    scene.localize(enclosing=True).export("ply", tmp_path / "objects.ply", enclosing=True)
+    with pytest.raises(quadlift.QuadliftError, match=r"origin=\(LAT, LON, ALT\) sets the place"):
+        estimates.export("geojson", tmp_path / "objects.geojson")
+    with pytest.raises(quadlift.QuadliftError, match=r"`Scene\.from_cameras\(\.\.\., images=\.\.\.\)` names"):
+        scene.segment()
+    (tmp_path / "poses.txt").write_text("0.0 0 0 0 0 0 0 1\n")
+    with pytest.raises(quadlift.QuadliftError, match=r"set their file with intrinsics=\.\.\."):
+        quadlift.Scene.from_cameras(tmp_path / "poses.txt", format="tum")
+    (tmp_path / "notes.txt").write_text("A table.\n")
+    with pytest.raises(quadlift.QuadliftError, match=r"unknown .*; `format=\.\.\.` reads a given format"):
+        quadlift.Scene.from_cameras(tmp_path / "notes.txt")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import signal
 import threading
@@ -14,7 +15,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import quadlift
-from conftest import Arrays, made_scene, made_truth
+from conftest import Arrays, Program, made_scene, made_truth
 from quadlift import _core
 from quadlift._arrays import FrameArrays
 
@@ -279,6 +280,123 @@ def test_positional_arguments(made: Arrays) -> None:
     scene = quadlift.Scene.from_arrays(intrinsics, poses, image_sizes=(640, 480))
     scene = scene.with_detections(made.boxes, made.frames, made.objects)
     np.testing.assert_array_equal(scene.localize().centers, found.centers)
+
+
+def test_scenes_take_the_arrays_of_localize(made: Arrays) -> None:
+    extent = made.boxes[:, 2:] - made.boxes[:, :2]
+    arrays: dict[str, Any] = {
+        **made.arguments(),
+        "frame_ids": list("abcdef"),
+        "images": [f"{k}.jpg" for k in range(6)],
+        "name": "table",
+        "up": "z",
+        "length_unit": "m",
+        "scores": np.linspace(0.5, 1.0, len(made.boxes)),
+        "categories": ["cup"] * len(made.boxes),
+        "ellipses": np.column_stack([(made.boxes[:, :2] + made.boxes[:, 2:]) / 2, extent / 2, extent[:, 0] * 0]),
+        "orientation": 1,
+    }
+    # All of the fields but projections, for which there are cameras and lenses, and those that stand for boxes.
+    left_out = {"distortion", "masks", "outlines", "oriented_boxes", "depths", "boxes3d"}
+    fields = {**quadlift.FrameFields.__annotations__, **quadlift.DetectionFields.__annotations__}
+    assert set(fields) - set(arrays) == left_out
+    scene = quadlift.Scene.from_arrays(**arrays)
+    expected = quadlift.localize(**arrays)
+    np.testing.assert_array_equal(scene.localize().centers, expected.centers)
+    assert scene.to_dict()["detections"][0]["frame"] == "a"
+    by_id = {**arrays, "frames": np.array(list("abcdef"))[made.frames]}
+    assert quadlift.Scene.from_arrays(**by_id).to_dict() == scene.to_dict()
+    np.testing.assert_array_equal(quadlift.localize(**by_id).centers, expected.centers)
+    cameras = quadlift.Scene.from_arrays(projections=made.projections, frame_ids=list("abcdef"))
+    assert len(cameras) == 0
+    added = cameras.with_detections(made.boxes, by_id["frames"].tolist(), made.objects)
+    assert added.to_dict() == cameras.with_detections(made.boxes, made.frames, made.objects).to_dict()
+    wrong: dict[str, Any] = {"lamda": 3}
+    with pytest.raises(TypeError, match=r"from_arrays\(\) got an unexpected keyword argument 'lamda'"):
+        quadlift.Scene.from_arrays(**arrays, **wrong)
+
+
+def test_boxes_of_images_with_a_lens(made: Arrays) -> None:
+    """The boxes around distorted outlines, computed here."""
+    k1, k2, p1, p2, k3 = coefficients = np.array([-0.6, 0.2, 0.01, -0.02, -0.01])
+    intrinsics = np.array([[600.0, 0.0, 320.0], [0.0, 600.0, 240.0], [0.0, 0.0, 1.0]])
+    poses = np.linalg.inv(intrinsics) @ made.projections
+    rng = np.random.default_rng(0)
+    centers, half = rng.uniform(-2.0, 2.0, (4, 3)), rng.uniform(0.3, 0.8, (4, 3))
+    directions = np.random.default_rng(1).normal(size=(20000, 3))
+    surface = centers[:, None] + half[:, None] * (directions / np.linalg.norm(directions, axis=1, keepdims=True))
+    boxes = []
+    for pose in poses:
+        points = surface @ pose[:, :3].T + pose[:, 3]
+        x, y = points[..., 0] / points[..., 2], points[..., 1] / points[..., 2]
+        square = x * x + y * y
+        radial = 1 + k1 * square + k2 * square**2 + k3 * square**3
+        u = 600.0 * (x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x)) + 320.0
+        v = 600.0 * (y * radial + p1 * (square + 2 * y * y) + 2 * p2 * x * y) + 240.0
+        boxes.append(np.stack([u.min(1), v.min(1), u.max(1), v.max(1)], axis=1))
+    arrays: dict[str, Any] = {"boxes": np.concatenate(boxes), "frames": made.frames, "objects": made.objects}
+    cameras: dict[str, Any] = {"intrinsics": intrinsics, "cam_from_world": poses, "image_sizes": (640, 480)}
+    found = quadlift.localize(**cameras, **arrays, distortion=coefficients)
+    np.testing.assert_allclose(found.centers, centers, atol=0.02)
+    straight = quadlift.localize(**cameras, **arrays)
+    assert np.linalg.norm(straight.centers - centers, axis=1).max() > 0.06
+    scene = quadlift.Scene.from_arrays(**cameras, **arrays, distortion=coefficients[np.newaxis])
+    np.testing.assert_array_equal(scene.localize().centers, found.centers)
+    [camera] = scene.to_dict()["cameras"]
+    assert camera["model"] == "FULL_OPENCV"
+    assert camera["params"] == [600.0, 600.0, 320.0, 240.0, *coefficients, 0.0, 0.0, 0.0]
+    # One for each frame, of which some have no lens.
+    each = np.zeros((6, 4))
+    each[0] = coefficients[:4]
+    models = [c["model"] for c in quadlift.Scene.from_arrays(**cameras, distortion=each).to_dict()["cameras"]]
+    assert models == ["OPENCV"] + ["PINHOLE"] * 5
+
+
+def test_results_carry_the_detections_that_were_used(made: Arrays) -> None:
+    masks = [np.ones((480, 640))] * 24
+    marked = quadlift.Scene.from_arrays(projections=made.projections, image_sizes=(640, 480)).with_detections(
+        made.boxes, made.frames, made.objects, source="yolo", masks=masks, scores=np.full(24, 0.5)
+    )
+    marked = marked.with_detections(made.boxes[:5], made.frames[:5], source="other")
+    estimates = marked.localize(source="yolo")
+    assert estimates.association is None
+    result = estimates.to_scene()
+    kept = [{k: v for k, v in d.items() if k != "mask"} for d in marked.to_dict()["detections"][:24]]
+    assert result.to_dict()["detections"] == kept
+    # They are all that is needed to localize again.
+    np.testing.assert_array_equal(result.localize().centers, estimates.centers)
+
+
+@pytest.mark.parametrize("body", ["ellipsoid", "cuboid", "cylinder"])
+def test_sizes_in_pandas_are_those_of_the_truth(body: str, program: Program, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    relative, inside = [], []
+    for seed in ("11", "12", "13"):
+        options = ["--objects", "20", "--views", "20", "--noise", "box:0.03", "--body", body, "--seed", seed]
+        program("synth", "-q", "-o", tmp_path / "scene.json", *options)
+        scene = quadlift.Scene.read(tmp_path / "scene.json")
+        estimates = scene.localize()
+        table = estimates.to_pandas().set_index("object")
+        assert (table["kind"] == body).mean() >= 0.9
+        for truth in scene.to_dict()["objects"]:
+            row = table.loc[truth["id"]]
+            if row["kind"] != body:
+                continue
+            true = truth[body]
+            half = true.get("semi_axes") or true.get("half_extents") or [*true["radii"], true["half_height"]]
+            # The axes of both bodies may have other names.
+            w, x, y, z = true["rotation"]
+            axes = np.array([[w, -z, y], [z, w, -x], [-y, x, w]])
+            axes = axes @ axes + np.outer([x, y, z], [x, y, z])
+            cosines = np.abs(estimates[truth["id"]].rotation.T @ axes)
+            order = max(itertools.permutations(range(3)), key=lambda names: cosines[range(3), names].sum())
+            found = row[[f"half_extent_{k}" for k in (1, 2, 3)]].to_numpy(float)
+            sd = row[[f"half_extent_{k}_sd" for k in (1, 2, 3)]].to_numpy(float)
+            error = np.abs(found - np.array(half)[list(order)])
+            relative.extend(error / found)
+            inside.extend(error <= 1.96 * sd)
+    assert np.median(relative) < 0.05
+    assert np.mean(inside) >= 0.85
 
 
 def test_estimates_are_a_sequence_of_objects(made: Arrays) -> None:

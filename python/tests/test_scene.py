@@ -251,7 +251,13 @@ def test_options_of_files(made: Arrays, cameras: quadlift.Scene, tmp_path: Path)
     path.write_text("\n".join(lines) + "\n")
     names.write_text("cup\nmug\njar\npot\n")
     found = quadlift.Scene.from_detections(
-        path, cameras, frame_column="photo", class_names=names, source="mine", min_score=0.7, image_size=(640, 480)
+        path,
+        cameras,
+        frame_column="photo",
+        class_names=names,
+        source="mine",
+        min_score=0.7,
+        assume="image_size=640x480",
     )
     detections = found.to_dict()["detections"]
     assert {(d["source"], d["score"]) for d in detections} == {("mine", 0.9)}
@@ -261,7 +267,7 @@ def test_options_of_files(made: Arrays, cameras: quadlift.Scene, tmp_path: Path)
         "frame_column": (3, "frame_column is 3; expected a text"),
         "source": (3, "source is 3; expected a text"),
         "min_score": ("a", "min_score is 'a'; expected a finite number"),
-        "image_size": (640, r"image_size has the shape \(\); expected \(2,\)"),
+        "assume": (640, "assume is 640; expected a text"),
     }
     for name, (value, message) in wrong.items():
         with pytest.raises(quadlift.QuadliftError, match=message):

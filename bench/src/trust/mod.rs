@@ -1,7 +1,8 @@
 //! Trust: how often the truth lies in the regions that estimates come with (ours).
 
-mod real;
+mod sizes;
 mod regions;
+mod real;
 mod synthetic;
 
 use std::path::Path;
@@ -17,6 +18,12 @@ use crate::report::{Headline, Report};
 use crate::scores::Figure;
 use crate::table::{Cell, Table};
 
+/// Numbers of views of synthetic cells.
+const VIEWS: [usize; 6] = [2, 3, 5, 10, 20, 50];
+
+/// The first so many of them are in the short form.
+const SHORT_VIEWS: usize = 3;
+
 /// Runs the experiment with so many scenes of 100 objects in each synthetic cell: 20 of them take 22 minutes of one processor. Without
 /// real data the synthetic cells remain, unless `data` names a folder that has none.
 ///
@@ -30,7 +37,8 @@ pub fn run(data: Option<&Path>, scenes: u64, run: &Run) -> Result<Report, Error>
     };
     let sets = if folder.is_some() { real::sets() } else { Vec::new() };
     let of_set = |set: &RealSet| set.steps() * if set.has_exact_boxes() { 3 } else { 2 };
-    let steps = Steps::new("trust", sets.iter().map(of_set).sum::<usize>() + synthetic::steps(run), run.progress);
+    let of_cells = synthetic::steps(run) + sizes::steps(run);
+    let steps = Steps::new("trust", sets.iter().map(of_set).sum::<usize>() + of_cells, run.progress);
     let mut report = Report::new("trust", "Trust: how often the truth lies in the regions of an estimate");
     report.text(
         "A region of an estimate contains all points within the squared Mahalanobis distance that the chi-square \
@@ -39,16 +47,26 @@ pub fn run(data: Option<&Path>, scenes: u64, run: &Run) -> Result<Report, Error>
          freedom) and 8.34 for the whole body (9; NEES). Extents are the squared half extents along the axes of the \
          world (ellipsoids) or the logarithms of the semi-axes (other bodies).",
     );
+    let mut of_sizes = sizes::table();
     match &folder {
-        Some(folder) => add_real(&mut report, folder, &sets, run.seed, &steps)?,
+        Some(folder) => add_real(&mut report, &mut of_sizes, folder, &sets, run.seed, &steps)?,
         None => report.text("The real data is not available: only synthetic cells are shown."),
     }
+    sizes::add_synthetic(&mut of_sizes, run.scenes(scenes), run, &steps)?;
+    report.table(of_sizes);
     synthetic::add(&mut report, run.scenes(scenes), run, &steps)?;
     Ok(report)
 }
 
-/// Adds the table of the real sets.
-fn add_real(report: &mut Report, folder: &Path, sets: &[RealSet], seed: u64, steps: &Steps) -> Result<(), Error> {
+/// Adds the table of the real sets, and their rows to that of sizes.
+fn add_real(
+    report: &mut Report,
+    of_sizes: &mut Table,
+    folder: &Path,
+    sets: &[RealSet],
+    seed: u64,
+    steps: &Steps,
+) -> Result<(), Error> {
     let shares = LEVELS.map(|level| format!("{level} %"));
     let titles = ["set", "covariance", "objects", "region of"].into_iter().map(str::to_owned).chain(shares);
     let titles = titles.chain(["median", "first quartile", "third quartile"].map(str::to_owned));
@@ -64,6 +82,10 @@ fn add_real(report: &mut Report, folder: &Path, sets: &[RealSet], seed: u64, ste
         for set in sets.iter().filter(|set| against == Against::Truth || set.has_exact_boxes()) {
             let judged = set.judged(folder, seed, against, change, steps)?;
             push(&mut table, set.name, name, &judged);
+            if name == "default" {
+                let found: Vec<_> = judged.iter().filter_map(|one| one.sizes).collect();
+                sizes::push(of_sizes, set.name, None, &found);
+            }
             all.extend(judged);
         }
         if against == Against::Truth {

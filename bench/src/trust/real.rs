@@ -133,7 +133,7 @@ impl RealSet {
                     Some(bodies) => *bodies.get(id)?,
                     None => true_body(scene.truth.iter().find(|t| t.id == *id)?, estimate)?,
                 };
-                Judged::new(estimate, &truth)
+                Judged::new(estimate, &truth, scene.scene.up.as_ref())
             };
             Ok(localization.estimates.iter().filter_map(judge).collect())
         };

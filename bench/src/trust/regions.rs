@@ -2,8 +2,10 @@
 
 use quadlift::geometry::Body;
 use quadlift::metrics::{SquaredErrors, squared_errors};
+use quadlift::nalgebra::{Unit, Vector3};
 use quadlift::solve::Estimate;
 
+use super::sizes::Sizes;
 use crate::table::Cell;
 
 /// The tested regions, in per cent.
@@ -60,16 +62,19 @@ pub(super) struct Judged {
     pub errors: SquaredErrors,
     /// Logarithm of the volume of the one-deviation region of the center, relative to the cube of the true size.
     pub log_volume: f64,
+    /// Size and direction.
+    pub sizes: Option<Sizes>,
 }
 
 impl Judged {
-    /// Compares an estimate with the truth; `None` without a covariance.
-    pub(super) fn new(estimate: &Estimate, truth: &Body) -> Option<Self> {
+    /// Compares an estimate with the truth; `None` without a covariance. `up` is that of the scene.
+    pub(super) fn new(estimate: &Estimate, truth: &Body, up: Option<&Unit<Vector3<f64>>>) -> Option<Self> {
         let covariance = estimate.covariance.as_ref()?;
         let errors = squared_errors(estimate.body.as_ref()?, covariance, truth)?;
         let center = covariance.matrix.fixed_view::<3, 3>(0, 0).into_owned();
         let size = truth.closest_ellipsoid().semi_axes.product();
-        Some(Self { errors, log_volume: 0.5 * center.determinant().ln() - size.ln() })
+        let sizes = Sizes::of(estimate, truth, up);
+        Some(Self { errors, log_volume: 0.5 * center.determinant().ln() - size.ln(), sizes })
     }
 }
 

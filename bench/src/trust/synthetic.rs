@@ -7,6 +7,7 @@ use quadlift::{LocalizeOptions, localize};
 use rayon::prelude::*;
 
 use super::regions::{Coverage, Judged, LEVELS, Part};
+use super::{SHORT_VIEWS, VIEWS};
 use crate::error::Error;
 use crate::progress::{Run, Steps};
 use crate::report::Report;
@@ -15,14 +16,8 @@ use crate::table::{Cell, Table};
 /// Angles between the first and the last view, degrees.
 const SPANS: [f64; 3] = [5.0, 30.0, 90.0];
 
-/// Numbers of views.
-const VIEWS: [usize; 6] = [2, 3, 5, 10, 20, 50];
-
 /// Views from which the noise levels are those of the residuals.
 const ENOUGH_VIEWS: usize = 10;
-
-/// The first so many of them are in the short form.
-const SHORT_VIEWS: usize = 3;
 
 /// Objects of a scene.
 const OBJECTS: usize = 100;
@@ -79,7 +74,7 @@ fn cell(kind: &Kind, span: f64, views: usize, scenes: u64, seed: u64) -> Result<
         let options = LocalizeOptions { seed, ..LocalizeOptions::from(map.clone()) };
         let localization = localize(&synthetic.scene, &options)?;
         let pairs = localization.estimates.iter().zip(&synthetic.truth);
-        Ok(pairs.filter_map(|(estimate, (_, truth))| Judged::new(estimate, truth)).collect())
+        Ok(pairs.filter_map(|(estimate, (_, truth))| Judged::new(estimate, truth, None)).collect())
     };
     let scenes: Vec<_> = (0..scenes).into_par_iter().map(of_scene).collect::<Result<_, _>>()?;
     Ok(scenes.concat())

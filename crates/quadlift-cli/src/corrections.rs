@@ -54,35 +54,6 @@ pub(crate) fn corrections_of(assumptions: &[Assumption]) -> anyhow::Result<Vec<R
     Assumption::corrections(assumptions).or_else(|error| usage(format!("--assume: {error}")))
 }
 
-/// What corrections say about detections that are added to a scene.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct DetectionPixels {
-    /// Width and height in pixels of the images on which the detector ran.
-    pub image_size: Option<[f64; 2]>,
-    /// Whether the pictures are turned by 90 degrees, which a correction undoes.
-    pub turned: bool,
-    /// The number that the detections give to frame number 0.
-    pub frame_offset: Option<i64>,
-}
-
-impl DetectionPixels {
-    /// What is dealt with where detections are added, and the corrections of the scene afterwards.
-    pub(crate) fn split(corrections: Vec<RecordCorrection>) -> (Self, Vec<RecordCorrection>) {
-        let mut found = Self::default();
-        let others = corrections.into_iter().filter(|correction| {
-            found.turned |= correction.turns_sides();
-            match *correction {
-                RecordCorrection::ImageSize(size) => found.image_size = Some(size),
-                RecordCorrection::FrameOffset(offset) => found.frame_offset = Some(offset),
-                _ => return true,
-            }
-            false
-        });
-        let others = others.collect();
-        (found, others)
-    }
-}
-
 /// Descriptions of the corrections, one per line.
 pub(crate) fn corrected_in_words(notes: &[String]) -> String {
     notes.iter().map(|note| format!("corrected: {}\n", one_line(note))).collect()

@@ -87,12 +87,14 @@ impl Gathered {
         Self::new(paths.iter().map(read).collect::<anyhow::Result<_>>()?)
     }
 
-    /// Frames are taken from the first file with detections, or the first with frames.
+    /// Frames are taken from the first file with detections, rather from a scene than from a result, or the first with frames.
     pub(crate) fn new(files: Vec<(PathBuf, SceneFile)>) -> anyhow::Result<Self> {
         let first = |fits: &dyn Fn(&SceneFile) -> bool| files.iter().find(|(_, file)| fits(file));
         let estimate = first(&SceneFile::has_estimates).cloned();
         let truth = first(&|file| !file.objects.is_empty() && !file.has_estimates()).cloned();
-        let cameras = first(&|file| !file.detections.is_empty()).or(first(&|file| !file.frames.is_empty()));
+        let cameras = first(&|file| !file.detections.is_empty() && !file.has_estimates())
+            .or(first(&|file| !file.detections.is_empty()))
+            .or(first(&|file| !file.frames.is_empty()));
         let Some((path, file)) = cameras.or(files.first()) else { bail!("there is no file to show") };
         for (other, second) in &files {
             if let (Some(a), Some(b)) = (&file.length_unit, &second.length_unit)

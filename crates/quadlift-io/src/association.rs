@@ -6,7 +6,7 @@ use quadlift::association::{AssociatedObject, Association};
 use quadlift::scene::{Scene, SkippedDetections};
 use serde::{Deserialize, Serialize};
 
-use crate::scene_file::{DetectionRecord, SceneFile};
+use crate::scene_file::{DetectionRecord, ObjectRecord};
 use crate::wording::count;
 
 /// Writes the objects of an associated scene into the detections of its file.
@@ -16,25 +16,11 @@ pub fn write_objects(detections: &mut [DetectionRecord], associated: &Scene) {
     }
 }
 
-/// Adds an association to a result: the detections with their object ids, and warnings of uncertain objects.
-/// `detections` are those of the associated file.
-pub(crate) fn add_to_result(
-    result: &mut SceneFile,
-    detections: Vec<DetectionRecord>,
-    associated: &Scene,
-    source: Option<&str>,
-    association: &Association,
-) {
-    result.detections = detections;
-    write_objects(&mut result.detections, associated);
-    result.detections.retain(|record| source.is_none() || record.source.as_deref() == source);
-    for record in &mut result.detections {
-        // Masks are the bulk of a segmented scene, and stay there.
-        (record.mask, record.segmentation) = (None, None);
-    }
+/// Adds the warnings of uncertain objects of an association to those of a result.
+pub(crate) fn add_doubts(objects: &mut [ObjectRecord], association: &Association) {
     let doubts: HashMap<&str, &str> =
         association.objects.iter().filter_map(|o| Some((o.id.as_str(), o.uncertain?.text()))).collect();
-    for object in &mut result.objects {
+    for object in objects {
         object.warnings.extend(doubts.get(object.id.as_str()).map(|doubt| format!("uncertain: {doubt}")));
     }
 }

@@ -43,6 +43,7 @@ pub mod synthetic_file;
 pub mod formats;
 pub mod write;
 pub mod align;
+pub mod python;
 
 #[cfg(test)]
 mod test_data;

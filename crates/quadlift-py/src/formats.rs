@@ -5,27 +5,20 @@ use std::fs::create_dir_all;
 use std::path::{Path, PathBuf, absolute};
 
 use pyo3::prelude::*;
-use quadlift_io::correct::{RecordCorrection, correct};
+use quadlift_io::correct::{DetectionPixels, correct};
 use quadlift_io::formats::{detections, find_cameras, find_detections, poses};
+use quadlift_io::python::{Correcting, in_python};
 use quadlift_io::read::detections::{AddOptions, MatchBy, add_detections};
 use quadlift_io::read::{DetectionFormat, Format, FormatOption, Import, READ};
 use quadlift_io::write::{BodyChoice, CheckedScene, Document, EXPORTS, ExportFormat, WRITE, WriteOptions, Writer};
-use quadlift_io::{ReadError, SceneFile, write_file};
+use quadlift_io::{SceneFile, write_file};
 
-use crate::error::refuse;
+use crate::error::{refuse, refuse_to_read};
 use crate::loaded::Loaded;
-use crate::options::choice;
+use crate::options::{assumed, choice};
 
 /// Options with their values as text; that of a flag is empty.
 pub(crate) type Given = Vec<(String, String)>;
-
-const MATCHES: [(&str, MatchBy); 5] = [
-    ("auto", MatchBy::Auto),
-    ("name", MatchBy::Name),
-    ("stem", MatchBy::Stem),
-    ("index", MatchBy::Index),
-    ("time", MatchBy::Time),
-];
 
 /// How detections are added to a scene.
 #[derive(FromPyObject)]
@@ -35,8 +28,8 @@ pub(crate) struct AddKeywords {
     min_score: Option<f64>,
     #[pyo3(item("match"))]
     matching: String,
-    frame_offset: Option<i64>,
-    image_size: Option<[f64; 2]>,
+    /// What the detections really are, as `--assume` has it.
+    assume: String,
     replace: bool,
 }
 
@@ -66,12 +59,6 @@ fn format_of<F>(all: impl Iterator<Item = &'static Format<F>> + Clone, name: &st
     found.ok_or_else(|| refuse(format!("format is \"{name}\"; expected one of {}", known.join(", "))))
 }
 
-/// An error with the names of keywords.
-fn in_keywords(error: ReadError) -> PyErr {
-    let text = error.to_string().replace("--assume ", "").replace("--source SOURCE", "source=...");
-    refuse(text.replace("--replace", "replace=True").replace("; `quadlift import FORMAT` reads a given format", ""))
-}
-
 /// Cameras and poses in a file or folder, recognized or of a given format; and what was left out.
 pub(crate) fn read_cameras(
     path: &Path,
@@ -81,11 +68,11 @@ pub(crate) fn read_cameras(
 ) -> PyResult<(Loaded, Vec<String>)> {
     let (format, place) = match format {
         Some(name) => (format_of(poses(), name)?, path.to_owned()),
-        None => find_cameras(path).map_err(in_keywords)?,
+        None => find_cameras(path).map_err(refuse_to_read)?,
     };
     let options = set(READ, given, format.name, format.options)?;
     let Import { mut scene, image_folder, notes, is_scene, problems, problem_count } =
-        (format.read)(&place, &options).map_err(in_keywords)?;
+        (format.read)(&place, &options).map_err(refuse_to_read)?;
     if is_scene {
         return Ok((Loaded::new(scene, place)?, Vec::new()));
     }
@@ -102,43 +89,45 @@ pub(crate) fn read_cameras(
     if problem_count > lost.len() {
         lost.push(format!("{} more problems", problem_count - lost.len()));
     }
+    let lost = lost.iter().map(|problem| in_python(problem, Correcting::Reading)).collect();
     // A name beside the images, to whose folder theirs are relative.
     let place = image_folder.map_or_else(PathBuf::new, |folder| folder.join("scene.json"));
     Ok((Loaded::new(scene, place)?, lost))
 }
 
-/// A scene file with the detections in a file or folder too, which are corrected; and what was left out.
+/// A scene file with the detections in a file or folder too, corrected; and what was left out.
 pub(crate) fn with_detections(
     mut file: SceneFile,
     path: &Path,
     format: Option<&str>,
     keywords: &AddKeywords,
     given: &Given,
-    corrections: &[RecordCorrection],
 ) -> PyResult<(SceneFile, Vec<String>)> {
     let format = match format {
         Some(name) => format_of(detections(), name)?,
-        None => find_detections(path).map_err(in_keywords)?,
+        None => find_detections(path).map_err(refuse_to_read)?,
     };
-    let match_by = choice("match", &keywords.matching, &MATCHES)?;
+    let match_by = choice("match", &keywords.matching, &MatchBy::ALL.map(|by| (by.name(), by)))?;
+    let (DetectionPixels { image_size, turned, frame_offset }, corrections) =
+        DetectionPixels::split(assumed(&keywords.assume)?);
     let options = set(READ, given, format.name, &taken_with_time(format))?;
-    let found = (format.read)(path, &options).map_err(in_keywords)?;
+    let found = (format.read)(path, &options).map_err(refuse_to_read)?;
     let of_format = AddOptions::of(format, &options);
     let adding = AddOptions {
         match_by,
-        frame_offset: keywords.frame_offset,
-        image_size: keywords.image_size,
-        turned: corrections.iter().any(RecordCorrection::turns_sides),
+        frame_offset,
+        image_size,
+        turned,
         source: keywords.source.as_deref().unwrap_or(of_format.source),
         min_score: keywords.min_score,
         replace: keywords.replace,
         ..of_format
     };
-    let added = add_detections(&mut file, found, &adding).map_err(in_keywords)?;
+    let added = add_detections(&mut file, found, &adding).map_err(refuse_to_read)?;
     // Only the new detections are corrected.
     let new = file.detections.split_off(file.detections.len() - added.added);
     let kept = std::mem::replace(&mut file.detections, new);
-    correct(&mut file, corrections).map_err(refuse)?;
+    correct(&mut file, &corrections).map_err(refuse)?;
     file.detections.splice(0..0, kept);
     let mut lost = Vec::new();
     if added.in_no_frame > 0 {
@@ -206,5 +195,5 @@ pub(crate) fn export(loaded: &Loaded, format: &str, output: &Path, given: &Given
     if !without_body.is_empty() {
         notes.push(format!("skipped without a body: {}", without_body.join(", ")));
     }
-    Ok(notes)
+    Ok(notes.iter().map(|note| in_python(note, Correcting::Scene)).collect())
 }

@@ -19,6 +19,9 @@ pub(crate) struct FrameArrays<'py> {
     /// (1, 3, 3) or (F, 3, 3).
     #[pyo3(default)]
     intrinsics: Option<PyReadonlyArray3<'py, f64>>,
+    /// (1, 8) or (F, 8): OpenCV's coefficients of the lenses.
+    #[pyo3(default)]
+    distortion: Option<PyReadonlyArray2<'py, f64>>,
     /// (F, 3, 4).
     #[pyo3(default)]
     cam_from_world: Option<PyReadonlyArray3<'py, f64>>,
@@ -54,9 +57,20 @@ impl FrameArrays<'_> {
         let sizes = self.image_sizes.as_ref().map(|sizes| sizes.as_array());
         let cameras = self.cameras();
         for index in 0..cameras {
-            let [fx, fy, cx, cy] = self.pinhole(index);
-            let (id, model) = (index.to_string(), "PINHOLE".to_owned());
-            file.cameras.push(CameraRecord { id, model, params: vec![fx, fy, cx, cy], ..Default::default() });
+            let lens = self.lens(index);
+            let last = lens.iter().rposition(|coefficient| *coefficient != 0.0);
+            let (model, terms) = match last {
+                None => ("PINHOLE", 0),
+                Some(0..4) => ("OPENCV", 4),
+                Some(_) => ("FULL_OPENCV", 8),
+            };
+            let params = [&self.pinhole(index), &lens[..terms]].concat();
+            file.cameras.push(CameraRecord {
+                id: index.to_string(),
+                model: model.into(),
+                params,
+                ..Default::default()
+            });
         }
         for (index, id) in self.frame_ids.iter().enumerate() {
             let size = sizes.map(|sizes| [sizes[[index, 0]], sizes[[index, 1]]]);
@@ -81,14 +95,16 @@ impl FrameArrays<'_> {
         cameras.chain((0..count).filter_map(|index| Some((index, self.problem_of_pose(index)?))))
     }
 
-    /// Number of matrices of intrinsics.
+    /// Number of cameras: none, one, or one for each frame.
     fn cameras(&self) -> usize {
-        self.intrinsics.as_ref().map_or(0, |matrices| matrices.as_array().shape()[0])
+        let Some(matrices) = &self.intrinsics else { return 0 };
+        let lenses = self.distortion.as_ref().map_or(1, |lenses| lenses.as_array().nrows());
+        matrices.as_array().shape()[0].max(lenses)
     }
 
     fn problem_of_camera(&self, index: usize) -> Option<String> {
         let k = self.intrinsics.as_ref()?.as_array();
-        let entry = |i, j| k[[index, i, j]];
+        let entry = |i, j| k[[index.min(k.shape()[0] - 1), i, j]];
         let wrong = |problem: String| format!("intrinsics[{index}]: {problem}");
         let others = [entry(0, 1), entry(1, 0), entry(2, 0), entry(2, 1), entry(2, 2) - 1.0];
         if others.iter().any(|x| *x != 0.0) {
@@ -109,8 +125,15 @@ impl FrameArrays<'_> {
 
     /// Focal lengths and principal point of a camera.
     fn pinhole(&self, index: usize) -> [f64; 4] {
-        let entry = |i, j| self.intrinsics.as_ref().map_or(f64::NAN, |k| k.as_array()[[index, i, j]]);
+        let Some(k) = self.intrinsics.as_ref().map(|k| k.as_array()) else { return [f64::NAN; 4] };
+        let entry = |i, j| k[[index.min(k.shape()[0] - 1), i, j]];
         [entry(0, 0), entry(1, 1), entry(0, 2), entry(1, 2)]
+    }
+
+    /// Coefficients of the lens of a camera.
+    fn lens(&self, index: usize) -> [f64; 8] {
+        let Some(lenses) = self.distortion.as_ref().map(|lenses| lenses.as_array()) else { return [0.0; 8] };
+        std::array::from_fn(|k| lenses[[index.min(lenses.nrows() - 1), k]])
     }
 }
 

@@ -12,7 +12,7 @@ use quadlift_io::run::FileInput;
 use quadlift_io::video::VideoFrames;
 
 use crate::detections::{DetectionArrays, Originals, refused};
-use crate::error::refuse;
+use crate::error::{refuse, refuse_to_read};
 
 /// A validated scene and its scene file.
 pub struct Loaded {
@@ -42,8 +42,8 @@ impl Loaded {
     /// A file, checked.
     pub fn new(file: SceneFile, path: PathBuf) -> PyResult<Self> {
         let scene = file.to_scene().map_err(|error| match path.as_os_str().is_empty() {
-            true => refuse(format!("{}: {}", error.entry, error.problem)),
-            false => refuse(error.in_file(&path)),
+            true => refuse_to_read(error),
+            false => refuse_to_read(error.in_file(&path)),
         })?;
         let (scene, source) = (Arc::new(scene), Source::File(Arc::new(file)));
         Ok(Self { scene, path, is_result: false, source, videos: VideoFrames::default() })

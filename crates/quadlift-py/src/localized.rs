@@ -14,10 +14,12 @@ use quadlift::cross_validation::{Extent, ObjectCrossValidation};
 use quadlift::geometry::{Body, quaternion_from_rotation};
 use quadlift::nalgebra::{Unit, Vector3};
 use quadlift::relocalize::{Landmark, LandmarkMap, LocateOptions};
+use quadlift::run::{Run, RunError};
 use quadlift::scene::Scene;
 use quadlift::solve::{Alternative, Estimate, Rejection};
 use quadlift_io::SceneFile;
 use quadlift_io::evaluation::{Matching, evaluate_objects};
+use quadlift_io::python::{Correcting, in_python};
 use quadlift_io::run::{FileInput, FileOptions, FileRun, FileRunError, run_file};
 use quadlift_io::scene_file::coordinates_name;
 use quadlift_report::{Content, Scores, page, report};
@@ -55,11 +57,15 @@ pub(crate) fn localized(
     let start = Instant::now();
     let source = input.scene().source_index(options.run.localize.source.as_deref());
     let source = source.map_err(|error| format!("{error} (source=...)"))?;
-    let run = run_file(input, options, ticker).map_err(|failed| {
+    let run = run_file(input, options, ticker).or_else(|failed| {
         let (input, error) = *failed;
-        match error {
-            FileRunError::Run(error) => in_words(&error, &input.context),
-            other => other.to_string(),
+        let FileRunError::Run(error) = error else { return Err(error.to_string()) };
+        match *error {
+            // As with ids, whose objects are not localized either.
+            RunError::NothingFound { check, .. } if !check.diagnosis.consistent => {
+                Ok(FileRun { input, run: Run { check: *check, ..Run::default() }, options: options.clone() })
+            }
+            error => Err(in_words(&error, &input.context)),
         }
     })?;
     Ok(PyLocalized { loaded, run, source, seconds: start.elapsed().as_secs_f64() })
@@ -245,10 +251,15 @@ impl PyLocalized {
         json!(self.run.record()).to_string()
     }
 
-    /// What is wrong with the scene, in words.
+    /// What is wrong with the scene, in the words of Python.
     #[getter]
     fn problem(&self) -> Option<String> {
-        self.run.diagnosis().in_words()
+        let diagnosis = self.run.diagnosis();
+        match self.run.input.memory {
+            // Frames of a map are not corrected.
+            Some(_) => diagnosis.of_map_in_words(),
+            None => Some(in_python(&diagnosis.in_words()?, Correcting::Scene)),
+        }
     }
 
     /// Whether the detections were associated.

@@ -431,7 +431,7 @@ fn memory_arrays<'py>(py: Python<'py>, objects: &[MapObject]) -> PyResult<Bound<
     numbers("existence", &|o| vec![o.existence])?;
     numbers("evidence", &|o| vec![o.evidence])?;
     numbers("centers", &|o| o.ellipsoid.center.iter().copied().collect())?;
-    numbers("semi_axes", &|o| o.ellipsoid.semi_axes.iter().copied().collect())?;
+    numbers("half_extents", &|o| o.ellipsoid.semi_axes.iter().copied().collect())?;
     numbers("quaternions", &|o| quaternion_from_rotation(&o.ellipsoid.rotation).to_vec())?;
     numbers("first_seen", &|o| vec![o.first_seen])?;
     numbers("last_seen", &|o| vec![o.last_seen])?;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
 use quadlift::solve::CategoryPriors;
+use quadlift_io::correct::{Assumption, RecordCorrection};
 use quadlift_io::coverage::{CoverageRecord, coverage};
 use quadlift_io::options::{RUN, Spec, Spelling, Value, check_needs_posterior, set_options};
 use quadlift_io::priors::check_meters;
@@ -128,6 +129,14 @@ pub(crate) fn read_priors(
         check_meters(length_unit).map_err(refuse)?;
     }
     source.read().map_err(refuse)
+}
+
+/// What inputs really are, as `--assume` has it: `poses=opengl,boxes=xywh`.
+pub(crate) fn assumed(text: &str) -> PyResult<Vec<RecordCorrection>> {
+    let parts = text.split(',').filter(|part| !part.trim().is_empty());
+    let assumptions: Result<Vec<Assumption>, String> = parts.map(str::parse).collect();
+    let corrections = assumptions.and_then(|list| Assumption::corrections(&list));
+    corrections.map_err(|error| refuse(format!("assume is \"{text}\"; {error}")))
 }
 
 /// The value of this name; the error names the argument, what was found and what there is.

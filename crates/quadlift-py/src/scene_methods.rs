@@ -14,19 +14,20 @@ use quadlift_io::association::write_objects;
 use quadlift_io::correct::assume::up as direction;
 use quadlift_io::correct::{Assumption, RecordCorrection, correct};
 use quadlift_io::diagnosis::DiagnosisRecord;
+use quadlift_io::run::FileInput;
 use quadlift_io::scene_file::{parse_scene_file, write_scene};
 use quadlift_io::{read_scene_file, write_file, write_scene_file};
 use quadlift_report::{Content, page, report};
 
 use crate::association::{AssociateKeywords, associated};
 use crate::detections::DetectionArrays;
-use crate::error::refuse;
+use crate::error::{refuse, refuse_to_read};
 use crate::evaluation::{MATCHING, scores};
 use crate::formats::{self, AddKeywords, Given};
 use crate::frames::FrameArrays;
 use crate::loaded::Loaded;
 use crate::localized::{PyLocalized, localized};
-use crate::options::{LocalizeKeywords, choice};
+use crate::options::{LocalizeKeywords, assumed, choice};
 use crate::recording::{jpeg, recorded};
 use crate::render::{Drawing, render};
 use crate::run::{Ticker, in_background, on_threads};
@@ -42,16 +43,16 @@ const MAP_SCALES: [(&str, MapScale); 3] =
 
 #[pymethods]
 impl PyScene {
-    /// Reads a scene file.
+    /// Reads a scene file; `assume` is what it really holds, as `--assume` has it.
     #[staticmethod]
-    fn read(path: PathBuf) -> PyResult<Self> {
-        Self::new(read_scene_file(&path).map_err(refuse)?, path)
+    fn read(path: PathBuf, assume: &str) -> PyResult<Self> {
+        scene_of(read_scene_file(&path).map_err(refuse_to_read)?, path, assume)
     }
 
     /// The scene in the bytes of a scene file.
     #[staticmethod]
-    fn parse(bytes: &[u8], path: PathBuf) -> PyResult<Self> {
-        Self::new(parse_scene_file("the document".as_ref(), bytes).map_err(refuse)?, path)
+    fn parse(bytes: &[u8], path: PathBuf, assume: &str) -> PyResult<Self> {
+        scene_of(parse_scene_file("the document".as_ref(), bytes).map_err(refuse_to_read)?, path, assume)
     }
 
     /// What paths of images and masks are relative to: the file that was read, or nothing.
@@ -104,18 +105,16 @@ impl PyScene {
     }
 
     /// The scene with the detections of another program's file too; and what was left out.
-    #[pyo3(signature = (path, format, keywords, options, orientation))]
+    #[pyo3(signature = (path, format, keywords, options))]
     fn with_detections_of(
         &self,
         path: PathBuf,
         format: Option<&str>,
         keywords: AddKeywords,
         options: Given,
-        orientation: Option<&str>,
     ) -> PyResult<(Self, Vec<String>)> {
-        let corrections = orientation.map(turned_pictures).transpose()?.unwrap_or_default();
         let file = SceneFile::clone(self.loaded.file());
-        let (file, lost) = formats::with_detections(file, &path, format, &keywords, &options, &corrections)?;
+        let (file, lost) = formats::with_detections(file, &path, format, &keywords, &options)?;
         Ok((Self::new(file, self.loaded.path.clone())?, lost))
     }
 
@@ -160,30 +159,29 @@ impl PyScene {
         String::from_utf8(bytes).map_err(refuse)
     }
 
-    /// The scene with corrections, as `--assume` and `--up` have them; and what was done, in words.
-    fn corrected(&self, assume: &str, up: Option<&str>) -> PyResult<(Self, Vec<String>)> {
-        let wrong = |argument: &str, text: &str, error| refuse(format!("{argument} is \"{text}\"; {error}"));
-        let texts = assume.split(',').filter(|text| !text.trim().is_empty());
-        let assumptions: Result<Vec<Assumption>, String> = texts.map(str::parse).collect();
-        let corrections = assumptions.and_then(|list| Assumption::corrections(&list));
-        let mut corrections = corrections.map_err(|error| wrong("assume", assume, error))?;
+    /// The scene with corrections, as `--assume`, `--up` and `--fix` have them.
+    fn corrected(&self, py: Python, assume: &str, up: Option<&str>, fix: bool) -> PyResult<Self> {
+        let mut corrections = assumed(assume)?;
         if let Some(text) = up {
-            let up = direction(text).map_err(|error| wrong("up", text, error))?;
+            let up = direction(text).map_err(|error| refuse(format!("up is \"{text}\"; {error}")))?;
             corrections.push(RecordCorrection::Known(Correction::Up(up)));
         }
-        let mut file = SceneFile::clone(self.loaded.file());
-        let notes = correct(&mut file, &corrections).map_err(refuse)?;
-        Ok((Self::new(file, self.loaded.path.clone())?, notes))
+        let file = SceneFile::clone(self.loaded.file());
+        let mut input = FileInput::from_file(file, &self.loaded.path, &corrections).map_err(refuse)?;
+        if fix {
+            py.detach(|| on_threads(|| Check::with_identities(&mut input, None, true)))?.map_err(refuse)?;
+        }
+        Self::new(SceneFile::clone(&input.file), self.loaded.path.clone())
     }
 
-    /// The consistency check as JSON, and its message.
-    fn diagnosis(&self, py: Python, source: Option<&str>) -> PyResult<(String, Option<String>)> {
+    /// The consistency check as JSON.
+    fn diagnosis(&self, py: Python, source: Option<&str>) -> PyResult<String> {
         let scene = &self.loaded.scene;
         scene.source_index(source).map_err(|error| refuse(format!("{error} (source=...)")))?;
         let mut input = self.loaded.input();
         let check = py.detach(|| on_threads(|| Check::with_identities(&mut input, source, false)))?.map_err(refuse)?;
         let diagnosis = DiagnosisRecord::of(&check, &input.context);
-        Ok((serde_json::json!(diagnosis).to_string(), diagnosis.in_words()))
+        Ok(serde_json::json!(diagnosis).to_string())
     }
 
     /// Localizes the objects.
@@ -350,6 +348,12 @@ pub(crate) fn write_text(path: PathBuf, text: &str) -> PyResult<()> {
 fn turned_pictures(orientation: &str) -> PyResult<Vec<RecordCorrection>> {
     let corrections = format!("orientation={orientation}").parse().and_then(|one| Assumption::corrections(&[one]));
     corrections.map_err(|error| refuse(format!("orientation is \"{orientation}\"; {error}")))
+}
+
+/// The scene of a file that really holds what `assume` says.
+fn scene_of(mut file: SceneFile, path: PathBuf, assume: &str) -> PyResult<PyScene> {
+    correct(&mut file, &assumed(assume)?).map_err(refuse)?;
+    PyScene::new(file, path)
 }
 
 fn folder(path: &Path) -> &Path {

@@ -7,7 +7,7 @@ mod one_scene;
 
 use std::path::{Path, PathBuf};
 
-use quadlift_io::correct::RecordCorrection;
+use quadlift_io::correct::{DetectionPixels, RecordCorrection};
 use quadlift_io::mcap::{self, is_mcap};
 use quadlift_io::run::FileInput;
 use quadlift_io::scene_file::Detail;
@@ -15,7 +15,7 @@ use quadlift_io::{ReadError, SceneFile};
 use serde_json::json;
 
 use crate::commands::import::words::tell_problems;
-use crate::corrections::{DetectionPixels, read_input};
+use crate::corrections::read_input;
 use crate::error::{InconsistentError, Outcome, in_words};
 use crate::files::{check_file, check_result_name, expand, outputs};
 use crate::next::{Next, Word};

@@ -1,5 +1,7 @@
 //! `quadlift align`, through the built program.
 
+use std::collections::BTreeMap;
+
 use crate::common::Folder;
 use serde_json::{Value, json};
 
@@ -21,7 +23,16 @@ fn change(folder: &Folder, name: &str, kept: std::ops::Range<usize>, id: impl Fn
     let mut map = folder.json(name);
     let objects = map["objects"].as_array_mut().unwrap();
     *objects = objects[kept].to_vec();
-    objects.iter_mut().enumerate().for_each(|(k, object)| object["id"] = id(k).into());
+    let mut names = BTreeMap::new();
+    for (k, object) in objects.iter_mut().enumerate() {
+        names.insert(object["id"].as_str().unwrap().to_owned(), id(k));
+        object["id"] = id(k).into();
+    }
+    let detections = map["detections"].as_array_mut().unwrap();
+    detections.retain(|detection| names.contains_key(detection["object"].as_str().unwrap()));
+    detections.iter_mut().for_each(|detection| {
+        detection["object"] = names[detection["object"].as_str().unwrap()].as_str().into();
+    });
     folder.write_json(name, &map);
 }
 
@@ -71,7 +82,6 @@ fn maps_are_aligned_and_merged() {
 #[test]
 fn objects_are_localized_from_the_detections_of_both_maps() {
     let folder = Folder::new();
-    // After association results have detections.
     two_maps(&folder, "--no-ids --misses 0.1");
     let text = folder.succeed("align a.json b.json -o merged.json");
     assert!(text.contains("localized 16 of 16 objects from the detections of both maps"), "{text}");

@@ -61,12 +61,42 @@ fn a_brief_result_leaves_out_what_takes_space_and_its_page_nothing() {
         assert_eq!(folder.read("brief.html"), folder.read("full.html"));
         let (full, brief) = (folder.json("full.json"), folder.json("brief.json"));
         let mut expected = full.clone();
+        if ids.is_empty() {
+            // Those whose ids were given are in the scene.
+            assert_eq!(
+                expected.as_object_mut().unwrap().remove("detections"),
+                Some(folder.json("scene.json")["detections"].take())
+            );
+        }
         for object in expected["objects"].as_array_mut().unwrap() {
             let object = object.as_object_mut().unwrap();
             assert!(object.remove("covariance").is_some() && object.remove("view_residuals_px").is_some());
         }
         assert_eq!(brief, expected);
     }
+}
+
+#[test]
+fn a_result_alone_shows_and_locates_what_the_scene_does_with_it() {
+    let folder = Folder::new();
+    folder.succeed("synth -q -o scene.json --objects 8 --views 10 --seed 4 --noise box:0.03");
+    folder.succeed("localize -q scene.json -o result.json");
+    assert_eq!(folder.json("result.json")["detections"], folder.json("scene.json")["detections"]);
+    folder.succeed("localize -q scene.json -o brief.json --compact");
+    folder.succeed("relocalize -q result.json scene.json --include-posed -o both.json");
+    folder.succeed("align -q result.json result.json -o merged.json");
+    std::fs::remove_file(folder.path("scene.json")).unwrap();
+    let lines = |result: &str| {
+        folder.succeed(&format!("render {result} --frame 000003 -o frame.svg -q"));
+        folder.read("frame.svg").matches("<polyline").count()
+    };
+    assert!(lines("result.json") >= lines("brief.json") + 8);
+    folder.succeed("export rerun result.json -o recording");
+    assert_eq!(folder.json("recording/recording.json")["frames"][3]["boxes"].as_array().unwrap().len(), 8);
+    folder.succeed("relocalize -q result.json result.json --include-posed -o alone.json");
+    assert_eq!(folder.json("alone.json")["frames"], folder.json("both.json")["frames"]);
+    let merged = folder.json("merged.json");
+    assert_eq!(merged["detections"].as_array().unwrap().len(), 2 * 8 * 10);
 }
 
 #[test]

@@ -25,7 +25,7 @@ use crate::wording::count;
 
 pub use assume::Assumption;
 pub(crate) use frames::shift;
-pub use record_correction::RecordCorrection;
+pub use record_correction::{DetectionPixels, RecordCorrection};
 pub(crate) use rounding::usual_width;
 
 /// Corrects the records of a scene file; returns descriptions. Objects of the file are not changed.

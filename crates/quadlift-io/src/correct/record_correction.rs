@@ -53,3 +53,32 @@ impl RecordCorrection {
         }
     }
 }
+
+/// What corrections say about detections that are added to a scene.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct DetectionPixels {
+    /// Width and height in pixels of the images on which the detector ran.
+    pub image_size: Option<[f64; 2]>,
+    /// Whether the pictures are turned by 90 degrees, which a correction undoes.
+    pub turned: bool,
+    /// The number that the detections give to frame number 0.
+    pub frame_offset: Option<i64>,
+}
+
+impl DetectionPixels {
+    /// What is dealt with where detections are added, and the corrections of the scene afterwards.
+    pub fn split(corrections: Vec<RecordCorrection>) -> (Self, Vec<RecordCorrection>) {
+        let mut found = Self::default();
+        let others = corrections.into_iter().filter(|correction| {
+            found.turned |= correction.turns_sides();
+            match *correction {
+                RecordCorrection::ImageSize(size) => found.image_size = Some(size),
+                RecordCorrection::FrameOffset(offset) => found.frame_offset = Some(offset),
+                _ => return true,
+            }
+            false
+        });
+        let others = others.collect();
+        (found, others)
+    }
+}

@@ -25,7 +25,7 @@ pub struct Division {
 /// The outcome of scoring an association.
 #[derive(Debug, Clone, PartialEq)]
 pub enum DivisionOutcome {
-    /// One of the files has no detections, or those of the truth name no object.
+    /// One of the files has no detections, those of the truth name no object, or the estimate has the ids that it was given.
     Absent,
     /// It is scored.
     Scored(Division),
@@ -68,7 +68,9 @@ pub fn score(
             return Err(EvaluateError::Unfit(why));
         }
     }
-    if found.is_empty() || all_true.iter().all(|d| d.object.is_none()) {
+    let is_given = |about: &Value| ["association", "stream"].iter().all(|made| about.get(made).is_none());
+    let no_ids = all_true.iter().all(|d| d.object.is_none()) || estimate.1.localization.as_ref().is_some_and(is_given);
+    if found.is_empty() || no_ids {
         return Ok(DivisionOutcome::Absent);
     }
     let sources: BTreeSet<&str> = found.iter().map(|d| d.source.as_deref().unwrap_or("none")).collect();

@@ -18,10 +18,12 @@ pub use record::{
     SkippedRecord,
 };
 
-use crate::association::add_to_result;
+use crate::association::{add_doubts, write_objects};
 use crate::diagnosis::DiagnosisRecord;
 use crate::error::WriteError;
-use crate::scene_file::{Detail, SceneFile, estimates_to_objects, write_localized_file, write_scene_file};
+use crate::scene_file::{
+    Detail, DetectionRecord, SceneFile, estimates_to_objects, write_localized_file, write_scene_file,
+};
 
 /// A finished run: what was read, how, and what was found.
 #[derive(Debug, Clone)]
@@ -86,10 +88,9 @@ impl FileRun {
     pub fn result(&self) -> SceneFile {
         let mut result = self.without_objects();
         result.objects = estimates_to_objects(self.input.scene(), &self.run.localization).collect();
+        result.detections = self.used_detections();
         if let Some(association) = &self.run.association {
-            let source = self.options.run.localize.source.as_deref();
-            let detections = self.input.file.detections.clone();
-            add_to_result(&mut result, detections, self.input.scene(), source, association);
+            add_doubts(&mut result.objects, association);
         }
         if let Some(memory) = &self.input.memory {
             memory.add_to(&mut result, &self.input.file);
@@ -97,19 +98,39 @@ impl FileRun {
         result
     }
 
-    /// Writes the result; `detail` says how much of each object. `made` is [`Self::result`], where it was made already.
+    /// The detections of the source that was used, with the ids of their objects.
+    fn used_detections(&self) -> Vec<DetectionRecord> {
+        let mut detections = self.input.file.detections.clone();
+        write_objects(&mut detections, self.input.scene());
+        let source = self.options.run.localize.source.as_deref();
+        detections.retain(|record| source.is_none() || record.source.as_deref() == source);
+        for record in &mut detections {
+            // Masks are the bulk of a segmented scene, and stay there.
+            (record.mask, record.segmentation) = (None, None);
+        }
+        detections
+    }
+
+    /// Writes the result; `detail` says how much of each object, and whether detections are written whose ids were given. `made` is
+    /// [`Self::result`], where it was made already.
     ///
     /// # Errors
     /// As [`write_scene_file`].
     pub fn write(&self, path: &Path, detail: Detail, made: Option<&SceneFile>) -> Result<(), WriteError> {
-        if made.is_none() && self.run.association.is_none() && self.input.memory.is_none() {
+        let are_given = self.run.association.is_none() && self.input.memory.is_none();
+        if made.is_none() && are_given {
             // Without records of all objects at once.
-            let result = self.without_objects();
+            let mut result = self.without_objects();
+            if detail == Detail::Full {
+                result.detections = self.used_detections();
+            }
             return write_localized_file(path, &result, self.input.scene(), &self.run.localization, detail);
         }
         let mut result = made.map_or_else(|| Cow::Owned(self.result()), Cow::Borrowed);
         if detail != Detail::Full {
-            result.to_mut().objects.iter_mut().for_each(|object| detail.apply(object));
+            let result = result.to_mut();
+            result.objects.iter_mut().for_each(|object| detail.apply(object));
+            result.detections.retain(|_| !are_given);
         }
         write_scene_file(path, &result)
     }

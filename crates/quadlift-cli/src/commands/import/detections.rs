@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use quadlift_io::correct::Assumption;
+use quadlift_io::correct::{Assumption, DetectionPixels};
 use quadlift_io::guard::allow_overwriting;
 use quadlift_io::read::detections::add_detections;
 use quadlift_io::read::{DetectionFormat, ReadOptions};
@@ -10,7 +10,7 @@ use quadlift_io::write_scene_file;
 
 use super::matching::Matching;
 use super::words::{in_words, notes, to_json};
-use crate::corrections::{DetectionPixels, corrections_of};
+use crate::corrections::corrections_of;
 use crate::error::{Outcome, usage};
 use crate::files::{check_file, read_scene};
 use crate::next::Next;

@@ -1,10 +1,10 @@
 //! Options on how the images of detections are matched with the frames of a scene; `localize` has them too.
 
+use quadlift_io::correct::DetectionPixels;
 use quadlift_io::read::detections::{AddOptions, MatchBy};
 use quadlift_io::read::{DetectionFormat, ReadOptions};
 
 use crate::args;
-use crate::corrections::DetectionPixels;
 
 /// Matching of images and selection of detections.
 #[derive(clap::Args)]

@@ -52,7 +52,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "OUT.html")]
     pub(super) report: Option<PathBuf>,
 
-    /// Write results without covariances and figures of single views: a third of the size
+    /// Write results without covariances, figures of single views, and detections whose ids were given: a third of the size
     #[arg(long)]
     pub(super) compact: bool,
 

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use quadlift_io::SceneFile;
+use quadlift_io::correct::DetectionPixels;
 use quadlift_io::formats::{find_cameras, find_detections};
 use quadlift_io::read::detections::add_detections;
 use quadlift_io::read::{Import, ReadOptions};
@@ -11,7 +12,6 @@ use quadlift_io::read::{Import, ReadOptions};
 use crate::commands::import::matching::Matching;
 use crate::commands::import::paths::{prefix_images, relative_to_file};
 use crate::commands::import::words::{in_words, notes, tell_problems};
-use crate::corrections::DetectionPixels;
 use crate::output::{Output, one_line};
 use crate::reading::{Given, Localize, Reading};
 use crate::words::count;

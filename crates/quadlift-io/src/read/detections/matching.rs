@@ -23,6 +23,9 @@ pub enum MatchBy {
 }
 
 impl MatchBy {
+    /// All ways.
+    pub const ALL: [Self; 5] = [Self::Auto, Self::Name, Self::Stem, Self::Index, Self::Time];
+
     /// The word for it.
     pub fn name(self) -> &'static str {
         match self {
