@@ -200,7 +200,7 @@ def record(program, folder):
     cases.add("locate/another", "relocalize --include-posed -o result.json ../../localize/noisy/result.json ../../synth/exact/scene.json")
     cases.add("align/itself", "align -o result.json ../../localize/map/result.json ../../synth/map/scene.json")
     cases.add("align/another", "align ../../localize/map/result.json ../../synth/noisy/scene.json")
-    cases.add("render/frame", "render ../../localize/street/result.json -o frame.svg --frame 000003")
+    cases.add("render/every", "render ../../localize/street/result.json -o frames --all --svg --labels")
     for name in EXPORTS.split():
         out = "result" if name in ("colmap", "rerun") else f"result.{name}"
         for scene in ("street", "mixed"):

@@ -1,7 +1,7 @@
 // The table of objects as CSV (RFC 4180), with all digits.
 
 import type { Report } from "./data.ts";
-import { objectName, sortedExtents } from "./words.ts";
+import { extentsSd, objectName, sortedExtents } from "./words.ts";
 
 type Value = string | number | null | undefined;
 
@@ -13,6 +13,8 @@ export function objectsCsv(report: Report, shows: (object: number) => boolean): 
     ...["x", "y", "z"].map((axis) => `center ${axis} [${unit}]`),
     `center sd [${unit}]`,
     ...[1, 2, 3].map((k) => `size ${k} [${unit}]`),
+    ...[1, 2, 3].map((k) => `size ${k} sd [${unit}]`),
+    "yaw sd [deg]", "tilt sd [deg]",
     "residual [px]", "views used", "views rejected", "held-out IoU",
   ];
   const rows = report.objects.flatMap((object, index): Value[][] => {
@@ -21,6 +23,7 @@ export function objectsCsv(report: Report, shows: (object: number) => boolean): 
     return [[
       objectName(report, index), object.id, report.categories[object.category], object.status, object.body?.kind,
       ...(object.center ?? [null, null, null]), object.centerSd, ...sizes,
+      ...extentsSd(object), ...(object.rotationSdDeg ?? [null, null]),
       object.residual, object.viewsUsed, object.viewsRejected, object.predictedIou,
     ]];
   });

@@ -90,6 +90,10 @@ export interface ReportObject {
   center: Vec3 | null;
   /** Standard deviation of the center per coordinate. */
   centerSd: number | null;
+  /** Standard deviations of the half extents of the body, in their order. */
+  halfExtentsSd: Vec3 | null;
+  /** Standard deviations of its rotation in degrees: about the vertical, and away from it. */
+  rotationSdDeg: [number, number] | null;
   /** The region of 95 % of the center, see `Report.region`. */
   centerShell: Body | null;
   body: Body | null;

@@ -9,7 +9,9 @@ import { viewsOf, type ViewOf } from "./object_views.ts";
 import { overview } from "./overview.ts";
 import type { Selection } from "./selection.ts";
 import { Table } from "./table.ts";
-import { alternativeInWords, extents, objectName, position, remarks, short, statusName, viewState, withLabels, withUnit } from "./words.ts";
+import {
+  alternativeInWords, directionInWords, extentsWithSd, objectName, position, remarks, short, statusName, viewState, withLabels, withUnit,
+} from "./words.ts";
 
 /** `look` turns the 3D view to an object. */
 export function objectDetails(
@@ -80,7 +82,10 @@ function facts(report: Report, index: number, object: ReportObject): [string, st
     ["status", statusName(object.status)],
     ...(object.trueId === null ? [] : [["true object", object.trueId] as [string, string]]),
     ["body", object.body === null ? "none" : object.body.kind],
-    ["size", object.body === null ? "–" : `${extents(report, object.body)} ${unit}`],
+    ["size", object.body === null ? "–" : `${extentsWithSd(report, object)} ${unit}`],
+    ...(object.rotationSdDeg === null
+      ? []
+      : [["direction uncertainty", directionInWords(report, object.rotationSdDeg)] as [string, string]]),
     ["center", position(report, object.center)],
     ...(object.centerSd === null
       ? []

@@ -5,7 +5,13 @@ import type { Colors } from "./colors.ts";
 import type { Filter } from "./filter.ts";
 import type { Selection } from "./selection.ts";
 import { Table, type Column } from "./table.ts";
-import { extents, objectName, remarks, score, short, statusName } from "./words.ts";
+import { deviation, extents, objectName, remarks, score, short, statusName } from "./words.ts";
+
+/** One standard deviation for the three extents of an object. */
+function meanSd(object: ReportObject | undefined): number | null {
+  if (object?.halfExtentsSd == null) return null;
+  return Math.sqrt(object.halfExtentsSd.reduce((sum, sd) => sum + (2 * sd) ** 2, 0) / 3);
+}
 
 /** `look` turns the 3D view to an object. */
 export function objectTable(
@@ -48,6 +54,14 @@ export function objectTable(
       value: (k) => (objects[k] ? size(objects[k]) : null),
       text: (k) => extents(report, objects[k]?.body ?? null),
       number: true,
+    },
+    {
+      title: `size\u00a0±${unit}`,
+      hint: "uncertainty of the size: standard deviation of the extents, root mean square over the axes",
+      value: (k) => meanSd(objects[k]),
+      text: (k) => deviation(meanSd(objects[k])),
+      number: true,
+      room: "wide",
     },
     {
       title: `center\u00a0±${unit}`,

@@ -62,6 +62,12 @@ export function sortedExtents(body: Body): number[] {
   return body.half.map((half) => 2 * half).sort((a, b) => b - a);
 }
 
+/** Standard deviations of the full extents of an object's body, in the order of these; nulls where they are not known. */
+export function extentsSd({ body, halfExtentsSd }: ReportObject): (number | null)[] {
+  const order = [0, 1, 2].sort((a, b) => (body?.half[b] ?? 0) - (body?.half[a] ?? 0));
+  return order.map((axis) => (halfExtentsSd === null ? null : 2 * (halfExtentsSd[axis] ?? 0)));
+}
+
 const decimals = new WeakMap<Report, number>();
 
 /** Number of decimals of all lengths of a report: three significant digits of an object of median size. */
@@ -100,6 +106,27 @@ export function position(report: Report, center: Vec3 | null): string {
 /** Full extents in words, the largest first. */
 export function extents(report: Report, body: Body | null): string {
   return body === null ? "–" : lengths(report, sortedExtents(body)).join(" × ");
+}
+
+/** The same of an object, each with its standard deviation. */
+export function extentsWithSd(report: Report, object: ReportObject): string {
+  if (object.body === null) return "–";
+  const sd = extentsSd(object);
+  const texts = lengths(report, sortedExtents(object.body));
+  return texts.map((text, k) => (sd[k] == null ? text : `${text}\u00a0±\u00a0${deviation(sd[k])}`)).join(" × ");
+}
+
+/** A standard deviation: two significant digits. */
+export function deviation(sd: number | null): string {
+  return sd !== null && sd > 0 && sd < 1e6 ? sd.toFixed(Math.max(0, decimalsOf(sd, 2))) : short(sd);
+}
+
+/** How sure the direction of a body is. */
+export function directionInWords(report: Report, [yaw, tilt]: [number, number]): string {
+  // A body that looks the same from all sides has that of an angle that may be anything.
+  const angle = (sd: number): string => (sd > 100 ? "not determined" : `± ${deviation(sd)} deg`);
+  if (report.up === null) return `${angle(yaw)} about each axis`;
+  return `${angle(yaw)} about the vertical, ${angle(tilt)} away from it`;
 }
 
 /** Whether an object's body is shown though its views do not agree with it. */

@@ -8,7 +8,7 @@ import type { Box } from "../src/place_labels.ts";
 import { placeLabels } from "../src/place_labels.ts";
 import { bestFrame } from "../src/object_views.ts";
 import { zoomed } from "../src/frame_zoom.ts";
-import { extents, objectName } from "../src/words.ts";
+import { extents, extentsWithSd, objectName } from "../src/words.ts";
 import { data, difference, launch, open, pixels, quadlift } from "./browser.ts";
 
 let browser: Browser;
@@ -304,7 +304,11 @@ test("pictures, bodies and the table are saved as files", async () => {
     assert.deepEqual([line[column("object")], line[column("id")], line[column("status")]], [objectName(report, k), object.id, object.status]);
     assert.equal(Number(line[column(`center y [${unit}]`)]), object.center![1]);
     const sizes = [1, 2, 3].map((i) => Number(line[column(`size ${i} [${unit}]`)]));
-    assert.deepEqual(sizes, object.body!.half.map((half) => 2 * half).sort((a, b) => b - a));
+    const order = [0, 1, 2].sort((a, b) => object.body!.half[b]! - object.body!.half[a]!);
+    assert.deepEqual(sizes, order.map((axis) => 2 * object.body!.half[axis]!));
+    const deviations = [1, 2, 3].map((i) => Number(line[column(`size ${i} sd [${unit}]`)]));
+    assert.deepEqual(deviations, order.map((axis) => 2 * object.halfExtentsSd![axis]!));
+    assert.deepEqual(["yaw", "tilt"].map((angle) => Number(line[column(`${angle} sd [deg]`)])), object.rotationSdDeg);
   });
   const { bytes, name } = await file("download the bodies as GLB (binary glTF)");
   assert.ok(name.endsWith("-bodies.glb"), name);
@@ -427,7 +431,7 @@ test("an object has one label everywhere, and its sizes are sorted", async () =>
   assert.equal(await page.locator("#measure option").first().textContent(), "–");
   const sizes = extents(report, report.objects[8]!.body).split(" × ").map(Number);
   assert.deepEqual(sizes, [...sizes].sort((a, b) => b - a));
-  assert.ok((await page.locator(".details").textContent())!.includes(`${extents(report, report.objects[8]!.body)} ${report.lengthUnit}`));
+  assert.ok((await page.locator(".details").textContent())!.includes(`${extentsWithSd(report, report.objects[8]!)} ${report.lengthUnit}`));
   // No id of an association stands in a text.
   for (const part of [".warnings", ".overview", ".measurements"]) {
     for (const text of await page.locator(part).allTextContents()) assert.ok(!/object_\d/.test(text), text);

@@ -157,10 +157,35 @@ test("every sign has a legend: rejected detections, unassigned ones, enclosing b
   await page.close();
   const other = (await open(browser, "boxes.html")).page;
   assert.ok(await other.locator(".picture .legend").getByText("unassigned", { exact: true }).isVisible(), "clutter");
+  assert.equal(await other.locator(".space .legend").getByText("enclosing").count(), 0, "there are none without --enclosing");
   await other.close();
   const scored = (await open(browser, "demo.html")).page;
   assert.equal(await scored.locator(".legend").getByText("truth", { exact: true }).count(), 2);
   await scored.close();
+});
+
+test("sizes and directions have standard deviations", async () => {
+  const report = data("demo.html");
+  const { page } = await open(browser, "demo.html");
+  const titles = await page.locator("table[aria-label=Objects] th").allTextContents();
+  const column = titles.findIndex((title) => title.startsWith("size\u00a0±"));
+  for (const [k, { body, halfExtentsSd, rotationSdDeg }] of report.objects.entries()) {
+    await row(page, k).click();
+    const facts = await page.locator(".details dl").first().innerText();
+    const numbers = [...facts.matchAll(/([\d.]+)\s±\s([\d.]+)/g)].slice(0, 3).map(([, size, sd]) => [Number(size), Number(sd)] as const);
+    assert.equal(numbers.length, 3, facts);
+    const expected = body!.half.map((half, axis) => [2 * half, 2 * halfExtentsSd![axis]!] as const).sort(([a], [b]) => b - a);
+    for (const [axis, [size, sd]] of expected.entries()) {
+      assert.ok(Math.abs(numbers[axis]![0] - size) < 0.02 * size && Math.abs(numbers[axis]![1] - sd) < 0.06 * sd, `${facts}: ${expected}`);
+    }
+    const mean = Math.hypot(...expected.map(([, sd]) => sd)) / Math.sqrt(3);
+    const shown = Number(await row(page, k).locator("td").nth(column).textContent());
+    assert.ok(Math.abs(shown - mean) < 0.06 * mean, `${shown}: ${mean}`);
+    // A mug without a handle may be turned as it likes.
+    const [yaw, tilt] = rotationSdDeg!.map((sd) => (sd > 100 ? "not determined" : `± ${Number(sd.toPrecision(2))}`));
+    assert.match(facts, new RegExp(`${yaw}[.0 a-z]* about the vertical, ${tilt}[.0 a-z]* away from it`));
+  }
+  await page.close();
 });
 
 test("masks are drawn, and a switch takes them away", async () => {
@@ -392,7 +417,7 @@ test("what is said before something is selected: counts, consistency check, nois
 test("lengths have their units, and bars grow from the left", async () => {
   const { page } = await open(browser, "named.html");
   const heads = await page.locator("table[aria-label=Objects] th").allTextContents();
-  assert.deepEqual(heads.filter((head) => /^(size|center)/.test(head)).map((head) => head.slice(-3)), ["[m]", "[m]"]);
+  assert.deepEqual(heads.filter((head) => /^(size|center)/.test(head)).map((head) => head.slice(-3)), ["[m]", "[m]", "[m]"]);
   assert.ok(await page.getByText(/^grid of [\d.]+ m$/).isVisible());
   const bar = await page.locator("td.bar").first().evaluate((cell) => getComputedStyle(cell).backgroundImage);
   assert.match(bar, /to right|90deg/);

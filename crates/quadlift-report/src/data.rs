@@ -120,6 +120,10 @@ pub struct ReportObject {
     pub center: Option<[f64; 3]>,
     /// Standard deviation of the center per coordinate.
     pub center_sd: Option<f64>,
+    /// Standard deviations of the half extents of the body, in their order.
+    pub half_extents_sd: Option<[f64; 3]>,
+    /// Standard deviations of its rotation in degrees: about the vertical, and away from it.
+    pub rotation_sd_deg: Option<[f64; 2]>,
     /// The region of 95 % of the center, see [`Report::region`].
     pub center_shell: Option<ReportBody>,
     /// The estimated body.

@@ -58,6 +58,8 @@ pub fn report_of_frames(content: &Content, frames: &[usize]) -> Result<Report, E
         notes.push(format!("the report shows the first {MAX_OBJECTS} of {total} objects"));
     }
     let mut detections = detections_by_frame(scene, &objects, content.estimate, is_shown);
+    let of_unknown_size = scene.frames.iter().zip(&detections).filter(|(frame, _)| frame.image_size.is_none());
+    let unknown = extent(of_unknown_size.map(|(_, detections)| detections));
     notes.extend(thin_out(&mut detections, frames));
     let frame = |&index: &usize| {
         let frame = &scene.frames[index];
@@ -66,7 +68,7 @@ pub fn report_of_frames(content: &Content, frames: &[usize]) -> Result<Report, E
             id: frame.id.clone(),
             projection: frame.projection.matrix().transpose().iter().copied().collect(),
             given: poses.get(frame.id.as_str()).and_then(|pose| pose.for_page(&frame.projection)),
-            size: frame.image_size.map_or_else(|| extent(&detections), Into::into),
+            size: frame.image_size.map_or(unknown, Into::into),
             image: None,
             detections,
         }
@@ -121,15 +123,17 @@ fn bytes_left(report: &Report) -> usize {
     MAX_BYTES.saturating_sub(data + EMPTY_PAGE + 100_000)
 }
 
-/// The size of a frame of unknown size: large enough for all of its detections.
-fn extent(detections: &ReportDetections) -> [f64; 2] {
+/// The size of frames of unknown size: large enough for all of their detections.
+fn extent<'a>(frames: impl Iterator<Item = &'a ReportDetections>) -> [f64; 2] {
     let mut size = [4.0f64, 3.0];
     let mut hold = |x: f64, y: f64| size = [size[0].max(x), size[1].max(y)];
-    for edges in detections.boxes.chunks_exact(4) {
-        hold(edges[2].unwrap_or(0.0), edges[3].unwrap_or(0.0));
-    }
-    for &(_, x, y, a, b, _) in &detections.ellipses {
-        hold(x + a.max(b), y + a.max(b));
+    for detections in frames {
+        for edges in detections.boxes.chunks_exact(4) {
+            hold(edges[2].unwrap_or(0.0), edges[3].unwrap_or(0.0));
+        }
+        for &(_, x, y, a, b, _) in &detections.ellipses {
+            hold(x + a.max(b), y + a.max(b));
+        }
     }
     size.map(|side| 1.02 * side)
 }

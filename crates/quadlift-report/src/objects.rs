@@ -106,6 +106,8 @@ impl Objects {
         object.status = record.status.clone();
         object.center = bodies.center.map(|center: Point3<f64>| center.coords.into());
         object.center_sd = record.center_sd;
+        object.half_extents_sd = record.half_extents_sd;
+        object.rotation_sd_deg = record.rotation_sd_deg;
         object.center_shell = shell.map(|shell| (&Body::from(shell)).into());
         object.body = bodies.body().as_ref().map(Into::into);
         object.enclosing = bodies.enclosing.as_ref().map(Into::into);

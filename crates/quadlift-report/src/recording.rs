@@ -64,9 +64,9 @@ pub struct RecordingObject {
 /// A body as Rerun can draw it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RecordingBody {
-    /// Kind of body: `ellipsoid`, `cuboid` or `superellipsoid`.
+    /// Kind of body (see [`BodyKind::name`]).
     pub kind: &'static str,
-    /// What the numbers describe: `cuboid`, or `ellipsoid`; for a superellipsoid its closest ellipsoid (see
+    /// What the numbers describe: `cuboid`, or `ellipsoid`; for a cylinder or superellipsoid its closest ellipsoid (see
     /// [`Body::closest_ellipsoid`]).
     pub shape: &'static str,
     /// Center in the world.

@@ -25,6 +25,7 @@ mod page_commands;
 mod points;
 mod python_options;
 mod real_data;
+mod render;
 mod report;
 mod segment;
 mod stream;

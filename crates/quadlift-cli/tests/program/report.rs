@@ -108,31 +108,6 @@ fn view_shows_files_together_in_any_order() {
 }
 
 #[test]
-fn pictures_have_the_size_of_the_frame_and_show_what_is_asked_for() {
-    let folder = Folder::new();
-    folder.rendered_scene("scene.json", 3);
-    folder.succeed("localize scene.json -o objects.json -q");
-    for name in ["frame.png", "frame.svg"] {
-        folder.succeed(&format!("render scene.json objects.json --frame 000001 -o {name} --labels"));
-    }
-    let drawn = quadlift_io::read_image(&folder.path("frame.png")).unwrap();
-    let plain = quadlift_io::read_image(&folder.path("images/000001.png")).unwrap();
-    assert_eq!(drawn.dimensions(), plain.dimensions());
-    let changed = drawn.pixels().zip(plain.pixels()).filter(|(a, b)| a != b).count();
-    let pixels = plain.pixels().len();
-    assert!(changed > pixels / 50 && changed < pixels * 9 / 10, "{changed} of {pixels}");
-    let svg = folder.read("frame.svg");
-    assert!(svg.contains("width=\"240\" height=\"180\"") && svg.contains("data:image/png;base64,"), "{svg:.300}");
-    assert_eq!(svg.matches("<text ").count(), 2, "two objects have labels");
-    // Bodies, truth and boxes.
-    assert!(svg.matches("<polygon ").count() >= 2 && svg.matches("<polyline ").count() >= 8);
-    // Without an image the sheet is blank.
-    folder.succeed("synth -o blank.json --objects 2 --views 4");
-    folder.succeed("render blank.json --frame 000003 -o blank.png");
-    assert_eq!(quadlift_io::read_image(&folder.path("blank.png")).unwrap().dimensions(), (1280, 960));
-}
-
-#[test]
 fn identities_that_were_found_are_shown_on_the_scene_that_names_none() {
     let folder = Folder::new();
     folder.succeed("synth -o scene.json --objects 4 --views 10 --scale 0.05 --noise box:0.03 --seed 3");
@@ -150,27 +125,6 @@ fn identities_that_were_found_are_shown_on_the_scene_that_names_none() {
     assert!(detections["object"].as_array().unwrap().iter().all(|object| object.as_i64() >= Some(0)), "{detections}");
     assert!(detections["box"].as_array().unwrap().iter().all(Value::is_number), "{detections}");
     assert!(detections["residual"].as_array().unwrap().iter().all(Value::is_number), "{detections}");
-}
-
-#[test]
-fn a_picture_has_the_detections_of_the_source_that_is_asked_for() {
-    let folder = Folder::new();
-    let mut scene = folder.small_scene();
-    let detections = scene["detections"].as_array_mut().unwrap();
-    for detection in detections.iter_mut() {
-        detection["source"] = "yolo".into();
-    }
-    let mut other = detections[0].clone();
-    other["source"] = "label".into();
-    detections.push(other);
-    folder.write_json("scene.json", &scene);
-    let lines = |options: &str| {
-        folder.succeed(&format!("render scene.json --frame 000000 -o frame.svg --labels {options}"));
-        folder.read("frame.svg").matches("<text").count()
-    };
-    assert_eq!((lines(""), lines("--source yolo"), lines("--source label")), (3, 2, 1));
-    let run = folder.run("render scene.json --frame 000000 -o frame.svg --source coco");
-    assert!(run.code == 2 && run.stderr.contains("\"coco\"; there are"), "{}", run.stderr);
 }
 
 #[test]

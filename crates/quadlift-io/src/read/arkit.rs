@@ -11,6 +11,7 @@ use nalgebra::{Matrix4, Vector3, Vector4};
 use quadlift::geometry::{Camera, CameraModel};
 
 use super::format::{Format, PoseFormat};
+use super::image_names::image_of_stem;
 use super::import::{Import, camera_id};
 use super::json::{Node, parse_json};
 use super::options::ReadOptions;
@@ -31,9 +32,6 @@ const POLYCAM_DEPTH_SCALE: f64 = 0.001;
 /// Names of Record3D's metadata, and of the folders with its images.
 const RECORD3D: [&str; 4] = ["metadata", "metadata.json", "EXR_RGBD/metadata.json", "EXR_RGBD/metadata"];
 const RECORD3D_IMAGES: [&str; 2] = ["rgbd", "rgb"];
-
-/// Extensions of images.
-const EXTENSIONS: [&str; 3] = ["jpg", "png", "jpeg"];
 
 /// The app that wrote a capture, and where its files are.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -109,10 +107,7 @@ fn read_arkit(path: &Path, options: &ReadOptions) -> Result<Import, ReadError> {
             places.iter().find(|place| place.is_dir()).unwrap_or(&places[0]).clone()
         }
     };
-    let named = |stem: &str| {
-        let names = EXTENSIONS.map(|extension| format!("{stem}.{extension}"));
-        names.into_iter().find(|name| image_folder.join(name).is_file())
-    };
+    let named = |stem: &str| image_of_stem(stem, &|name| image_folder.join(name).is_file());
     let size_of = |image: &str| Some(read_image_size(&image_folder.join(image)).ok()?.map(f64::from));
     let images = CaptureImages { named: &named, size_of: &size_of };
     let mut import = match &capture {

@@ -5,6 +5,7 @@
 mod bytes;
 mod import;
 pub(crate) mod json;
+mod image_names;
 mod options;
 mod poses;
 mod kitti_geometry;
@@ -32,6 +33,7 @@ pub use crate::format_options::FormatOption;
 pub use detections::DetectionFormat;
 pub(crate) use format::recognize;
 pub use format::{Format, PoseFormat};
+pub use image_names::find_images;
 pub use import::{Import, PixelCenters};
 pub use options::{READ, ReadOptions};
 #[cfg(feature = "mcap")]

@@ -11,6 +11,7 @@ use nalgebra::{Matrix3, Matrix4, Vector3};
 use quadlift::geometry::{Camera, CameraModel};
 
 use super::format::{Format, PoseFormat};
+use super::image_names::image_of_stem;
 use super::import::{Import, PixelCenters, camera_id};
 use super::json::{Node, parse_json};
 use super::poses::{check_rigid, from_rows, inverse, rows};
@@ -18,9 +19,6 @@ use crate::error::ReadError;
 use crate::images::read_image_size;
 use crate::input::read_bytes;
 use crate::scene_file::{CameraRecord, DepthImageRecord, FrameRecord, SceneFile};
-
-/// Extensions of image names that the file omits, as in Blender's synthetic scenes.
-const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 
 /// World units of one count of a depth image: nerfstudio's default, millimeters in a world in meters.
 const DEPTH_SCALE: f64 = 0.001;
@@ -76,7 +74,10 @@ fn parse_nerfstudio(
     let mut scene = SceneFile::default();
     for frame in root.member("frames")?.items()? {
         let name = frame.member("file_path")?.text()?;
-        let image = with_extension(name.strip_prefix("./").unwrap_or(name), exists);
+        let plain = name.strip_prefix("./").unwrap_or(name);
+        // Blender's synthetic scenes leave out extensions.
+        let full = if exists(plain) { None } else { image_of_stem(plain, exists) };
+        let image = full.unwrap_or_else(|| plain.to_owned());
         let camera = camera(&root, &frame, pixel_centers, &|| size_of(&image))?;
         let id = camera_id(&mut scene, camera);
         let pose = frame.member("transform_matrix")?;
@@ -155,19 +156,6 @@ fn world_from_saved(root: &Node, notes: &mut Vec<String>) -> Result<Undo, ReadEr
         notes.push("applied_scale was undone".to_owned());
     }
     Ok(undo)
-}
-
-/// The name of an image that is there, with the extension that the file may have left out.
-fn with_extension(name: &str, exists: &dyn Fn(&str) -> bool) -> String {
-    if !exists(name) {
-        for extension in EXTENSIONS {
-            let full = format!("{name}.{extension}");
-            if exists(&full) {
-                return full;
-            }
-        }
-    }
-    name.to_owned()
 }
 
 /// The camera of a frame, without an id: values of the frame override those of the file.

@@ -69,7 +69,7 @@ pub(super) fn geojson(scene: &CheckedScene, options: &GeoJsonOptions) -> Result<
         let center = world.east_north_up * object.body.center().coords;
         let record = scene.file.objects.iter().find(|record| record.id == object.id);
         let covariance = match (&object.covariance, record.and_then(|record| record.center_sd)) {
-            (Some(covariance), _) => Some(covariance.matrix.fixed_view::<3, 3>(0, 0).into_owned()),
+            (Some((covariance, _)), _) => Some(covariance.matrix.fixed_view::<3, 3>(0, 0).into_owned()),
             (None, sd) => sd.map(|sd| Matrix3::from_diagonal_element(sd * sd)),
         };
         let covariance = covariance.map(|c| world.east_north_up * c * world.east_north_up.transpose());
@@ -225,7 +225,8 @@ mod tests {
         let mut scene = CheckedScene::new(file, BodyChoice::Body)?;
         let mut matrix = nalgebra::SMatrix::<f64, 9, 9>::identity();
         matrix.fixed_view_mut::<2, 2>(0, 0).copy_from(&Matrix2::new(0.04, 0.03, 0.03, 0.09));
-        scene.objects[0].covariance = Some(Covariance { coordinates: CovarianceCoordinates::CenterVechShape, matrix });
+        let covariance = Covariance { coordinates: CovarianceCoordinates::CenterVechShape, matrix };
+        scene.objects[0].covariance = Some((covariance, scene.objects[0].body));
         let document = geojson(&scene, options)?;
         Ok((serde_json::from_slice(&document.content).unwrap(), document))
     }

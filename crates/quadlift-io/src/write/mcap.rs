@@ -252,7 +252,7 @@ impl<'a> Log<'_, 'a> {
         header(message, stamp, self.frame_id).u32(objects.len() as u32);
         for object in objects {
             let body = &object.body;
-            let covariance = object.covariance.as_ref().map(|c| pose_covariance(c, body, self.meters));
+            let covariance = object.covariance.as_ref().map(|(c, of)| pose_covariance(c, of, self.meters));
             header(message, stamp, self.frame_id).u32(1);
             message.text(object.category_name()).f64(self.scores.get(&object.id, frame));
             self.pose(message, body);

@@ -99,8 +99,8 @@ struct Object {
     id: String,
     category: Option<String>,
     body: Body,
-    /// Of the body.
-    covariance: Option<Covariance>,
+    /// Of the estimated body, which is another one than that of an enclosing ellipsoid.
+    covariance: Option<(Covariance, Body)>,
 }
 
 impl<'a> CheckedScene<'a> {
@@ -118,7 +118,8 @@ impl<'a> CheckedScene<'a> {
         }
         for object in all {
             let enclosing = if choice == BodyChoice::Enclosing { object.enclosing } else { None };
-            match enclosing.or(object.body()) {
+            let estimated = object.body();
+            match enclosing.or(estimated) {
                 Some(body) => {
                     if object.status.is_some_and(|status| status != Status::Ok) {
                         not_ok.push(object.id.clone());
@@ -127,7 +128,7 @@ impl<'a> CheckedScene<'a> {
                         id: object.id,
                         category: object.category,
                         body,
-                        covariance: object.covariance,
+                        covariance: object.covariance.zip(estimated),
                     });
                 }
                 None => without_body.push(object.id),
@@ -178,7 +179,7 @@ fn numbers_for<'a>(names: impl Iterator<Item = &'a str> + Clone, prefix: &str) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene_file::ObjectRecord;
+    use crate::scene_file::{CovarianceRecord, ObjectRecord};
     use quadlift::geometry::BodyKind;
 
     #[test]
@@ -192,6 +193,10 @@ mod tests {
     #[test]
     fn bodies_are_those_of_the_estimate_and_their_absence_is_told() {
         let mut file = test_scene::three_bodies();
+        let matrix = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
+        let covariance =
+            CovarianceRecord { coordinates: "center_vech_shape".into(), matrix, ..CovarianceRecord::default() };
+        file.objects[0].covariance = Some(Box::new(covariance));
         file.objects.push(ObjectRecord { id: "lost".into(), ..ObjectRecord::default() });
         let checked = CheckedScene::new(&file, BodyChoice::Body).unwrap();
         let kinds: Vec<BodyKind> = checked.objects.iter().map(|object| object.body.kind).collect();
@@ -203,6 +208,9 @@ mod tests {
         let factor = |k: usize| half(&enclosing, k) / half(&checked, k);
         // The last one has no enclosing ellipsoid.
         assert_eq!([factor(0), factor(1), factor(2)], [1.25, 1.25, 1.0]);
+        // A covariance stays that of the estimated body.
+        let estimated = enclosing.objects[0].covariance.map(|(_, body)| body.half_extents.x);
+        assert_eq!(estimated, Some(half(&checked, 0)));
         file.objects.iter_mut().for_each(|object| object.enclosing = None);
         assert_eq!(CheckedScene::new(&file, BodyChoice::Enclosing).unwrap_err().entry, "objects");
         file.objects[0].ellipsoid.as_mut().unwrap().semi_axes[1] = -1.0;

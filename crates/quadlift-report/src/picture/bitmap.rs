@@ -84,11 +84,11 @@ impl Canvas for Bitmap {
             self.failed.get_or_insert("the font is not readable".to_owned());
             return;
         }
-        // The drawing library counts the height of lines, of which the letters stand at two thirds.
+        // The drawing library counts the height of lines, in whose middle the letters stand.
         let size = LINE * height * f64::from(self.scale);
         let (x, y) = self.place(&place);
         let font = ("sans-serif", size).into_font().color(&rgb(color));
-        let top = y - (0.67 * size) as i32;
+        let top = y - (0.5 * size) as i32;
         self.draw(|area| area.draw(&Text::new(text.to_owned(), (x, top), font)));
     }
 }
@@ -138,6 +138,23 @@ mod tests {
         let v = Vector2::new;
         // 0 to 4 on the first side; 6 to 10 on the second one.
         assert_eq!(ends, [(v(0.0, 0.0), v(4.0, 0.0)), (v(5.0, 1.0), v(5.0, 5.0))]);
+    }
+
+    #[test]
+    fn letters_stand_on_their_place() {
+        for height in [12.0, 34.0] {
+            let mut bitmap = Bitmap::new(RgbImage::from_pixel(100, 60, image::Rgb([255; 3])));
+            bitmap.text(Vector2::new(10.0, 50.0), height, "HE", [0; 3]);
+            let image = bitmap.finish().unwrap();
+            let rows = (0..60).filter(|&y| (0..100).any(|x| image.get_pixel(x, y).0[0] < 100));
+            let rows: Vec<u32> = rows.collect();
+            // Capital letters have 0.7 of the height.
+            let (top, bottom) = (f64::from(rows[0]), f64::from(rows[rows.len() - 1] + 1));
+            assert!(
+                (bottom - 50.0).abs() <= 1.0 && (50.0 - 0.7 * height - top).abs() <= 1.0,
+                "{height}: {top} {bottom}"
+            );
+        }
     }
 
     #[test]

@@ -1,7 +1,10 @@
 //! A picture of one frame: its image or a blank sheet, the detections and the outlines of the bodies; as SVG or PNG.
 
+mod places;
 mod bitmap;
 mod svg;
+
+use std::collections::HashSet;
 
 use image::RgbImage;
 use nalgebra::{Matrix3x4, Vector2};
@@ -12,6 +15,7 @@ use crate::colors::UNKNOWN;
 use crate::data::{Report, ReportBody, ReportFrame};
 use crate::labels::Labels;
 use crate::outline::{ellipse_points, outline};
+use places::{Places, Rectangle};
 
 const REJECTED: Color = [0xe0, 0x10, 0x10];
 const BLACK: Color = [0; 3];
@@ -129,7 +133,7 @@ impl Picture<'_> {
         image.or(self.report.frames.get(self.frame_index).map(|frame| frame.size)).unwrap_or([4.0, 3.0])
     }
 
-    /// Bodies first, then truth, then measurements, which must not be hidden.
+    /// Bodies first, then truth, then measurements, which must not be hidden, then labels.
     fn draw(&self, canvas: &mut dyn Canvas) {
         let Some(frame) = self.report.frames.get(self.frame_index) else { return };
         // Lines of one pixel in an image of VGA size, wider ones in larger images.
@@ -137,28 +141,40 @@ impl Picture<'_> {
         let stroke = |color, width: f64| Stroke { color, opacity: 1.0, width: width * pen, dash: None };
         let matrix = Matrix3x4::from_row_slice(&frame.projection);
         let Ok(projection) = Projection::from_matrix(matrix) else { return };
-        let objects = || frame.detections.object.iter().filter_map(|&index| usize::try_from(index).ok());
-        for index in objects() {
-            let Some(shape) = self.body(index, |o| &o.body).and_then(|body| outline(&projection, &body)) else {
-                continue;
-            };
+        let detected = || frame.detections.object.iter().filter_map(|&index| usize::try_from(index).ok());
+        let outline_of = |body: Option<Body>| body.and_then(|body| outline(&projection, &body));
+        // What was not detected here, but lies in the picture.
+        let known: HashSet<usize> = detected().collect();
+        let mut undetected = Vec::new();
+        for index in (0..self.report.objects.len()).filter(|index| !known.contains(index)) {
+            let Some(shape) = outline_of(self.body(index, |o| &o.body)) else { continue };
+            let Some(place) = around(shape.lines.iter().flatten()).filter(|place| self.shows(place)) else { continue };
+            shape.lines.iter().for_each(|line| canvas.line(line, &stroke(self.report.color(index), 0.8)));
+            undetected.push((index, place));
+        }
+        for index in detected() {
+            let Some(shape) = outline_of(self.body(index, |o| &o.body)) else { continue };
             let color = self.report.color(index);
             shape.faces.iter().for_each(|face| canvas.fill(face, color, 0.3));
             shape.lines.iter().for_each(|line| canvas.line(line, &stroke(color, 1.4)));
         }
-        for index in objects() {
-            let Some(shape) = self.body(index, |o| &o.truth).and_then(|body| outline(&projection, &body)) else {
-                continue;
-            };
+        for index in detected() {
+            let Some(shape) = outline_of(self.body(index, |o| &o.truth)) else { continue };
             for line in &shape.lines {
                 canvas.line(line, &Stroke { opacity: 0.7, ..stroke(WHITE, 1.8) });
                 canvas.line(line, &Stroke { dash: Some([2.0 * pen, 3.0 * pen]), ..stroke(BLACK, 1.0) });
             }
         }
-        self.measurements(canvas, frame, pen);
+        let measured = self.measurements(canvas, frame, pen);
+        if self.labels {
+            let objects = measured.into_iter().chain(undetected);
+            let objects: Vec<_> = objects.map(|(index, place)| (index, self.within(place))).collect();
+            self.write_labels(canvas, &objects, pen);
+        }
     }
 
-    fn measurements(&self, canvas: &mut dyn Canvas, frame: &ReportFrame, pen: f64) {
+    /// Draws the measurements. Returns where those of objects are.
+    fn measurements(&self, canvas: &mut dyn Canvas, frame: &ReportFrame, pen: f64) -> Vec<(usize, Rectangle)> {
         let detections = &frame.detections;
         let style = |row: usize| {
             let color = usize::try_from(detections.object[row]).map_or(UNKNOWN, |index| self.report.color(index));
@@ -181,68 +197,80 @@ impl Picture<'_> {
             points.push(points[0]);
             lines.push((row, points));
         }
+        let (mut named, mut places) = (HashSet::new(), Vec::new());
         for (row, line) in &lines {
             // A dark line under the colored one: it can be seen on any image.
             canvas.line(line, &Stroke { color: BLACK, opacity: 0.5, width: 2.8 * pen, dash: None });
             canvas.line(line, &style(*row));
-        }
-        if self.labels {
-            let mut taken: Vec<[f64; 4]> = Vec::new();
-            let mut named = Vec::new();
-            let category = |index: i64| Some(self.report.categories.get(usize::try_from(index).ok()?)?.as_str());
-            let objects = self.report.objects.iter();
-            let labels = Labels::new(objects.map(|object| (object.id.as_str(), category(object.category))));
-            for (row, line) in &lines {
-                let Ok(index) = usize::try_from(detections.object[*row]) else { continue };
-                // A detection with a box and an ellipse is named once.
-                if named.contains(row) {
-                    continue;
-                }
-                named.push(*row);
-                let text = labels.of(&self.report.objects[index].id);
-                let height = LABEL * pen;
-                let place = self.label_place(line, text, height, &mut taken);
-                // White on a dark sheet with the object's color at its left: it can be read on any image.
-                let [x0, y0] = [place.x - 0.4 * height, place.y - 0.95 * height];
-                let sheet = |x1: f64| {
-                    let y1 = place.y + 0.3 * height;
-                    [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(Vector2::from)
-                };
-                canvas.fill(&sheet(place.x + label_width(text, height) + 0.25 * height), DARK, 0.85);
-                canvas.fill(&sheet(x0 + 0.2 * height), self.report.color(index), 1.0);
-                canvas.text(place, height, text, WHITE);
+            // A detection with a box and an ellipse is named once.
+            if let (Ok(index), Some(place)) = (usize::try_from(detections.object[*row]), around(line))
+                && named.insert(*row)
+            {
+                places.push((index, place));
             }
+        }
+        places
+    }
+
+    /// Writes the labels of objects that are at these places; those for which there is no room are left out.
+    fn write_labels(&self, canvas: &mut dyn Canvas, objects: &[(usize, Rectangle)], pen: f64) {
+        let category = |index: i64| Some(self.report.categories.get(usize::try_from(index).ok()?)?.as_str());
+        let all = self.report.objects.iter();
+        let labels = Labels::new(all.map(|object| (object.id.as_str(), category(object.category))));
+        let mut places = Places::new(self.size(), objects.iter().map(|(_, place)| *place).collect());
+        let height = LABEL * pen;
+        let mut placed = Vec::new();
+        for &(index, object) in objects {
+            let text = labels.of(&self.report.objects[index].id);
+            let sheet = [label_width(text, height) + 0.65 * height, 1.25 * height];
+            let Some(place) = places.take(object, sheet) else { continue };
+            if let Some(line) = between(place, object, 0.5 * height) {
+                let stroke = Stroke { color: self.report.color(index), opacity: 1.0, width: 0.7 * pen, dash: None };
+                canvas.line(&line, &stroke);
+            }
+            placed.push((index, text, place));
+        }
+        // After all lines, which would cross labels.
+        for (index, text, [x0, y0, x1, y1]) in placed {
+            let corners = |x1: f64| [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(Vector2::from);
+            // White on a dark sheet with the object's color at its left: it can be read on any image.
+            canvas.fill(&corners(x1), DARK, 0.85);
+            canvas.fill(&corners(x0 + 0.2 * height), self.report.color(index), 1.0);
+            canvas.text(Vector2::new(x0 + 0.4 * height, y0 + 0.95 * height), height, text, WHITE);
         }
     }
 
-    /// The lower left corner of a label beside a line: above, below, inside or beside it, without overlap with other
-    /// labels.
-    fn label_place(&self, line: &[Vector2<f64>], text: &str, height: f64, taken: &mut Vec<[f64; 4]>) -> Vector2<f64> {
-        let [width, tall] = self.size();
-        let (low, high) = line.iter().fold((line[0], line[0]), |(low, high), p| (low.inf(p), high.sup(p)));
-        let wide = label_width(text, height) + 0.65 * height;
-        let gap = 0.35 * height;
-        let places = [
-            [low.x, low.y - gap],
-            [low.x, high.y + height + gap],
-            [high.x - wide, low.y - gap],
-            [high.x - wide, high.y + height + gap],
-            [low.x + gap, low.y + height + gap],
-            [high.x + gap, low.y + height],
-            [low.x - wide - gap, low.y + height],
-        ];
-        let inside = |[x, y]: [f64; 2]| [x.clamp(0.0, (width - wide).max(0.0)), y.clamp(height.min(tall), tall)];
-        let room = |[x, y]: [f64; 2]| [x, y - height, x + wide, y];
-        let is_free = |place: &[f64; 2]| {
-            let [x0, y0, x1, y1] = room(*place);
-            taken.iter().all(|[a0, b0, a1, b1]| x0 >= *a1 || x1 <= *a0 || y0 >= *b1 || y1 <= *b0)
-        };
-        let place = places.map(inside).into_iter().find(is_free).unwrap_or_else(|| inside(places[0]));
-        taken.push(room(place));
-        Vector2::from(place)
+    /// The part of a rectangle that lies in the picture.
+    fn within(&self, [x0, y0, x1, y1]: Rectangle) -> Rectangle {
+        let [width, height] = self.size();
+        let [x0, x1] = [x0, x1].map(|x| x.max(0.0).min(width));
+        let [y0, y1] = [y0, y1].map(|y| y.max(0.0).min(height));
+        [x0, y0, x1, y1]
+    }
+
+    /// Whether a part of a rectangle lies in the picture.
+    fn shows(&self, rectangle: &Rectangle) -> bool {
+        let [x0, y0, x1, y1] = self.within(*rectangle);
+        x0 < x1 && y0 < y1
     }
 
     fn body(&self, index: usize, of: impl Fn(&crate::data::ReportObject) -> &Option<ReportBody>) -> Option<Body> {
         of(self.report.objects.get(index)?).as_ref().and_then(ReportBody::body)
     }
+}
+
+/// The rectangle around points.
+fn around<'a>(points: impl IntoIterator<Item = &'a Vector2<f64>>) -> Option<Rectangle> {
+    let of = |p: &Vector2<f64>| [p.x, p.y, p.x, p.y];
+    let both = |a: Rectangle, b: Rectangle| [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])];
+    points.into_iter().map(of).reduce(both)
+}
+
+/// The line from a label to its object, if they are farther from each other than `gap`.
+fn between([x0, y0, x1, y1]: Rectangle, [a0, b0, a1, b1]: Rectangle, gap: f64) -> Option<[Vector2<f64>; 2]> {
+    let middle = Vector2::new(0.5 * (a0 + a1), 0.5 * (b0 + b1));
+    let near = |to: Vector2<f64>, low: [f64; 2], high: [f64; 2]| to.sup(&low.into()).inf(&high.into());
+    let start = near(middle, [x0, y0], [x1, y1]);
+    let end = near(start, [a0, b0], [a1, b1]);
+    ((end - start).norm() > gap).then_some([start, end])
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use quadlift_io::read::{Import, PoseFormat, ReadOptions};
+use quadlift_io::read::{Import, PoseFormat, ReadOptions, find_images};
 use quadlift_io::{is_standard_output, write_scene_file};
 use serde_json::json;
 
@@ -22,7 +22,8 @@ pub(super) struct CameraArgs {
     #[arg(short, long, value_name = "SCENE.json")]
     output: PathBuf,
 
-    /// Folder of the images (default: that of the format)
+    /// Folder of the images (default: that of the format). Finds them by the names or ids of the frames, also with another extension or
+    /// without one
     #[arg(long, value_name = "DIR")]
     images: Option<PathBuf>,
 }
@@ -42,6 +43,9 @@ pub(super) fn import(
     let Import { mut scene, image_folder, mut notes, is_scene, .. } = import;
     if scene.frames.is_empty() && !is_scene {
         bail!("{}: no frames found; expected cameras with poses", path.display());
+    }
+    if let Some(folder) = &args.images {
+        find_images(&mut scene, folder);
     }
     match args.images.as_ref().or(image_folder.as_ref()) {
         Some(folder) => {

@@ -8,9 +8,10 @@ use quadlift::scene::check_outline;
 use quadlift_segment::Rle;
 
 use super::files::{Detected, DetectionFiles, DetectionFormat, ImageKey, Outline, extent};
-use super::matching::{MatchBy, MatchOptions, match_frames, stem};
+use super::matching::{MatchBy, MatchOptions, match_frames};
 use crate::correct::shift;
 use crate::error::ReadError;
+use crate::read::image_names::stem;
 use crate::read::import::PixelCenters;
 use crate::read::options::ReadOptions;
 use crate::scene_file::{DetectionRecord, FrameRecord, MaskRecord, RleCounts, RleRecord, SceneFile};

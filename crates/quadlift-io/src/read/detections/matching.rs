@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use super::files::{DetectedImage, ImageKey, Numbering};
 use super::original_names::original_name;
+use crate::read::image_names::stem;
 use crate::scene_file::{FrameRecord, SceneFile};
 
 /// How the images of a file are matched to the frames of a scene.
@@ -107,18 +108,6 @@ pub(super) fn match_frames(
         (Some(best), _) if best.count() > 0 => Ok(best),
         (_, Some(problem)) => Err(problem),
         (best, None) => Ok(best.unwrap_or_default()),
-    }
-}
-
-/// A name without its extension. The digits after the point of "12.5" are not an extension.
-pub(super) fn stem(name: &str) -> &str {
-    match name.rsplit_once('.') {
-        Some((stem, extension))
-            if !stem.is_empty() && extension.len() <= 5 && extension.contains(|c: char| c.is_ascii_alphabetic()) =>
-        {
-            stem
-        }
-        _ => name,
     }
 }
 
