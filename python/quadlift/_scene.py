@@ -252,7 +252,7 @@ class Estimates(EstimateArrays, Relocalizes):
         The kind of body of each object: ``"ellipsoid"``, ``"cuboid"``, ``"cylinder"`` or ``"rounded:R"`` (R from 0, cuboid, to 1,
         ellipsoid).
     half_extents : ndarray, shape (N, 3)
-        Half the extents of the bodies along their axes, world units: the semi-axes of an ellipsoid or superellipsoid;
+        Half the extents of the bodies along their axes, world units: the semi-axes of an ellipsoid or rounded body;
         the two radii and half the height of a cylinder, whose axis is the third.
     half_extents_sd : ndarray, shape (N, 3)
         Their standard deviations.
