@@ -10,6 +10,9 @@ use crate::optimize::median::median;
 /// A camera whose edges are off by more than this many times as much as those of the others does not see what they see.
 const MAX_NOISE_RATIO: f64 = 3.0;
 
+/// Standard deviation of edges, in half sizes, that shapes of bodies leave in exact boxes: no camera has less to be compared with.
+const MIN_EDGE_SD: f64 = 0.01;
+
 /// Standard deviation of edges, in half sizes, beyond which boxes say nothing.
 const MAX_EDGE_SD: f64 = 0.5;
 
@@ -32,7 +35,7 @@ pub(super) fn contradictions(solution: &Solution, answers: &[CalibratedCamera]) 
     let noise = |camera: usize| problem.edge_noise(camera).unwrap_or(0.0);
     let over_others = |camera: usize| {
         let others = cameras.iter().filter(|&&other| other != camera).map(|&other| noise(other));
-        noise(camera) / median(&mut others.collect::<Vec<f64>>()).unwrap_or(f64::INFINITY)
+        noise(camera) / median(&mut others.collect::<Vec<f64>>()).unwrap_or(f64::INFINITY).max(MIN_EDGE_SD)
     };
     let worst = |value: &dyn Fn(usize) -> f64| cameras.iter().copied().max_by(|&a, &b| value(a).total_cmp(&value(b)));
     let Some(noisiest) = worst(&over_others) else { return Vec::new() };

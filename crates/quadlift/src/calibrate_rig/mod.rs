@@ -26,7 +26,7 @@ use self::alternatives::alternatives;
 use self::assemble::{Pair, Tree, pairs, tree};
 use self::contradictions::contradictions;
 use self::prepared::Prepared;
-use self::solution::{Solution, refine, solution};
+use self::solution::{Solution, choose_exponents, refine, solution};
 use crate::geometry::{BoundingBox, CamFromWorld, Intrinsics};
 use crate::solve::SizePrior;
 
@@ -303,6 +303,9 @@ fn solved(
 ) -> Option<(Solution, Vec<bool>)> {
     let mut solution = solution(prepared, tree, &tree.poses, options)?;
     refine(prepared, &mut solution);
+    if choose_exponents(&mut solution) {
+        refine(prepared, &mut solution);
+    }
     let mut found = alternatives(prepared, pairs, tree, &solution);
     for _ in 0..MAX_BETTER {
         let Some((poses, up)) = found.better.take() else { break };

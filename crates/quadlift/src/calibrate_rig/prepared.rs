@@ -81,7 +81,7 @@ impl ShapePrior {
     pub(super) fn usual(&self) -> Shape {
         let log_height = self.log_height.map_or(UNKNOWN_LOG_HEIGHT, |[mean, _]| mean);
         let log_radius = if self.upright { log_height - self.log_ratio[0] } else { log_height };
-        Shape { log_radius, log_height }
+        Shape { log_radius, log_height, exponent: 2.0 }
     }
 }
 

@@ -1,6 +1,6 @@
 //! A solution: the problem of the cameras that hang together, solved.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
@@ -55,6 +55,12 @@ const DISTANCE_SD: f64 = 1e-3;
 /// Standard deviation of the logarithm of a height that sets an arbitrary unit: none.
 pub(super) const ARBITRARY_SD: f64 = 1e-4;
 
+/// Exponents of support functions that are tried besides 2, that of ellipsoids.
+const EXPONENTS: [f64; 2] = [1.5, 1.1];
+
+/// Decrease of the cost from which a body has another exponent.
+const MIN_EXPONENT_GAIN: f64 = 6.0;
+
 /// A solution.
 #[derive(Debug, Clone)]
 pub(super) struct Solution {
@@ -78,6 +84,28 @@ pub(super) fn refine(prepared: &Prepared, solution: &mut Solution) {
         let Some(better) = adjust(&solution.problem, solution.state.clone(), STEPS) else { break };
         (solution.state, solution.cost) = (better.state, better.cost);
     }
+}
+
+/// Chooses, for each category with a vertical, between ellipsoids and bodies with edges, such as cylinders, and cuboids that turn. Returns
+/// whether any is another one.
+pub(super) fn choose_exponents(solution: &mut Solution) -> bool {
+    let categories: BTreeSet<usize> =
+        solution.problem.shapes.iter().filter(|shape| shape.upright).map(|shape| shape.category).collect();
+    let mut changed = false;
+    for category in categories {
+        for exponent in EXPONENTS {
+            let mut state = solution.state.clone();
+            let of_category = |(_, prior): &(&mut Shape, &ShapePrior)| prior.category == category;
+            let shapes = state.shapes.iter_mut().zip(&solution.problem.shapes).filter(of_category);
+            shapes.for_each(|(shape, _)| shape.exponent = exponent);
+            // The noise is that of the bodies before, so that costs can be compared.
+            let found = adjust(&solution.problem, state, STEPS);
+            if let Some(better) = found.filter(|found| found.cost < solution.cost - MIN_EXPONENT_GAIN) {
+                (solution.state, solution.cost, changed) = (better.state, better.cost, true);
+            }
+        }
+    }
+    changed
 }
 
 /// What a solution says about the bodies.
@@ -214,7 +242,7 @@ fn problem(
         .iter()
         .map(|prior| {
             let of_category = bodies.shapes[prior.category];
-            Shape { log_radius: of_category.log_radius + by.ln(), log_height: of_category.log_height + by.ln() }
+            of_category.scaled(by)
         })
         .collect();
     let levels = |k: usize| Levels(if prepared.shapes[k].upright { FIRST_LEVELS } else { FIRST_LEVELS_BALL });
@@ -281,10 +309,7 @@ pub(super) fn solution(
     if poses.iter().flatten().count() < 2 {
         return None;
     }
-    let shapes = prepared.shapes.iter().map(|prior| {
-        let usual = prior.usual();
-        Shape { log_radius: usual.log_radius + tree.scale.ln(), log_height: usual.log_height + tree.scale.ln() }
-    });
+    let shapes = prepared.shapes.iter().map(|prior| prior.usual().scaled(tree.scale));
     let bodies = Bodies { up: None, shapes: shapes.collect(), depth_sd: DEPTH_SD };
     let found = groups(prepared, poses, &bodies);
     let (problem, state, scale) = problem(prepared, poses, tree.reference, &found, &bodies, tree.scale, options)?;
