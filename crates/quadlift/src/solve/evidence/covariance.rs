@@ -7,8 +7,8 @@
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::conditions::{Conditions, DOF};
-use super::evidence::ROTATION_PRECISION;
 use super::fit::{Workspace, linearize};
+use super::log_evidence::ROTATION_PRECISION;
 use super::object::Object;
 use super::solid::{Family, Step};
 use crate::geometry::linalg::{cholesky, invert_spd};

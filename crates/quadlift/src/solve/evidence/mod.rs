@@ -2,7 +2,7 @@
 //!
 //! Each box gives four planes that touch the body ([`rows`]). A view shows its object, with Student's t of each edge, or it is a wrong box
 //! ([`fit`]). An ellipsoid is fitted from a sphere ([`spheres`], [`search`]); from its weights the scan finds cuboids and cylinders of any
-//! rotation by linear problems ([`scan`]). Families, upright bodies and noise levels are compared by their evidence ([`evidence`]): each
+//! rotation by linear problems ([`scan`]). Families, upright bodies and noise levels are compared by their evidence ([`log_evidence`]): each
 //! object goes down its own levels ([`object`]), the scene decides on its own ([`scene`], [`levels`]) and on how frequent families are
 //! ([`shares`]). Nothing is random, and nothing depends on the order or the frame of the world.
 
@@ -13,7 +13,7 @@ mod prior;
 mod spheres;
 mod rows;
 mod fit;
-mod evidence;
+mod log_evidence;
 mod rotations;
 mod scan;
 mod rounded;

@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 
 use super::conditions::{Conditions, MIN_NOISE};
-use super::evidence::log_evidence;
 use super::fit::{Fit, Termination, Workspace, minimize, residual_level, residuals};
+use super::log_evidence::log_evidence;
 use super::rounded::fit_rounded;
 use super::rows::Rows;
 use super::search::{Effort, first_ellipsoid, search_angular, search_rounded};

@@ -6,8 +6,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{Matrix3, Vector3};
 
 use super::conditions::Conditions;
-use super::evidence::vertical_axis;
 use super::fit::{Fit, Termination, Workspace, log_determinant, minimize, residual_level, residuals};
+use super::log_evidence::vertical_axis;
 use super::rotations::{spread_axes, spread_rotations};
 use super::rounded::fit_rounded;
 use super::rows::Rows;

@@ -2,8 +2,8 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use proptest::prelude::*;
 
 use super::conditions::Conditions;
-use super::evidence::log_likelihood_over_variance;
 use super::fit::{Workspace, linearize, residuals};
+use super::log_evidence::log_likelihood_over_variance;
 use super::rows::Rows;
 use super::scan::LinearRows;
 use super::solid::{Family, Solid, Step};
