@@ -470,6 +470,7 @@ mod tests {
             pose_noise: _,
             refine_poses: _,
             refine_extrinsics: _,
+            by_evidence: _,
             common_errors: _,
             noise_model: _,
         } = method.posterior_options().unwrap().clone();

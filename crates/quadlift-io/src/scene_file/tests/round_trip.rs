@@ -207,13 +207,15 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
         ))
     };
     let body = || {
-        (text(), numbers(), numbers(), numbers(), option::of(number()), extra()).prop_map(
-            |(kind, center, rotation, half_extents, support_exponent, extra)| BodyRecord {
+        let parameters = (option::of(number()), option::of(number()));
+        (text(), numbers(), numbers(), numbers(), parameters, extra()).prop_map(
+            |(kind, center, rotation, half_extents, (support_exponent, roundness), extra)| BodyRecord {
                 kind,
                 center,
                 rotation,
                 half_extents,
                 support_exponent,
+                roundness,
                 extra,
             },
         )
@@ -222,7 +224,7 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
         let alternative = |(body, log_odds, extra)| AlternativeRecord { body, log_odds, extra };
         found.into_iter().map(alternative).collect::<Vec<_>>()
     });
-    let bodies = (ellipsoid(), cuboid(), superellipsoid(), cylinder());
+    let bodies = (ellipsoid(), cuboid(), superellipsoid(), cylinder(), option::of(body()));
     let bodies = (bodies, option::of(body()), option::of(body()), option::of(numbers()), option::of(numbers()));
     let numbers_of_view = (option::of(number()), option::of(number()), option::of(number()));
     let view = (text(), numbers_of_view, any::<bool>(), option::of(text()), extra()).prop_map(
@@ -256,7 +258,7 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
             let (id, category, status) = names;
             let (center, center_sd, (residual_px, goodness_of_fit, alternatives), covariance) = figures;
             let (bodies, body, enclosing, half_extents_sd, rotation_sd_deg) = bodies;
-            let (ellipsoid, cuboid, superellipsoid, cylinder) = bodies;
+            let (ellipsoid, cuboid, superellipsoid, cylinder, rounded) = bodies;
             let (views_used, views_rejected, view_residuals_px, warnings) = views;
             ObjectRecord {
                 id,
@@ -272,6 +274,7 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
                 cuboid: cuboid.map(Box::new),
                 cylinder: cylinder.map(Box::new),
                 superellipsoid: superellipsoid.map(Box::new),
+                rounded: rounded.map(Box::new),
                 views_used,
                 views_rejected,
                 residual_px,

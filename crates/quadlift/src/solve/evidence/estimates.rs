@@ -108,7 +108,7 @@ impl Reporter<'_> {
             view.normalized_residual = deviation;
         }
         estimate.covariance = in_world(&fit.body, &local, rows.unit);
-        let converged = fit.remaining <= MAX_REMAINING_DECREASE;
+        let converged = fit.converged || fit.remaining <= MAX_REMAINING_DECREASE;
         if !converged {
             estimate.warnings.push(Warning::NotConverged);
         }

@@ -168,6 +168,8 @@ pub(super) struct Fit {
     pub equations: Equations,
     /// Decrease of the cost that the last linearization predicted.
     pub remaining: f64,
+    /// Whether no step decreases the cost by as much as was asked for.
+    pub converged: bool,
     /// Logarithm of what the cuboid's share of a rounded body adds to the evidence.
     pub log_share_evidence: f64,
 }
@@ -197,6 +199,7 @@ pub(super) fn minimize(
     let mut equations = linearize(rows, &body, conditions, work);
     let mut damping = 1e-3f64;
     let mut remaining = f64::INFINITY;
+    let mut converged = false;
     let mut steps = 0;
     while steps < termination.steps {
         let hessian = &equations.hessian;
@@ -225,6 +228,7 @@ pub(super) fn minimize(
             remaining = predicted;
         }
         if predicted < termination.min_predicted_decrease {
+            converged = true;
             break;
         }
         let moved = body.moved(&step);
@@ -236,11 +240,12 @@ pub(super) fn minimize(
         } else {
             damping *= 8.0;
             if damping > 1e4 {
+                converged = true;
                 break;
             }
         }
     }
-    Fit { body, equations, remaining, log_share_evidence: 0.0 }
+    Fit { body, equations, remaining, converged, log_share_evidence: 0.0 }
 }
 
 /// `ln det` of a positive definite matrix; infinite where it is none.

@@ -141,6 +141,12 @@ const MAX_LEVEL_STEPS: usize = 16;
 const MIN_LOG_ODDS: f64 = -3.0;
 const MIN_CANDIDATE_ODDS: f64 = -5.0;
 
+/// Log odds from which an alternative takes the place of the fit: beyond a rounder family that was preferred.
+const MIN_SWAP_LOG_ODDS: f64 = 1.0;
+
+/// The end.
+const LAST: Termination = Termination::new(1e-4, 40);
+
 /// Alternatives that are kept.
 const MAX_ALTERNATIVES: usize = 8;
 
@@ -377,7 +383,7 @@ impl Object {
     pub(super) fn finish(&mut self, conditions: &Conditions, shares: &Shares, plan: &Plan, work: &mut Workspace) {
         let h = self.hypotheses.chosen;
         let before = *self.fit();
-        let mut fit = minimize(&self.rows, &before.body, conditions, Termination::new(1e-4, 40), work);
+        let mut fit = minimize(&self.rows, &before.body, conditions, LAST, work);
         fit.log_share_evidence = before.log_share_evidence;
         self.put(h, fit, conditions);
         self.find_alternatives(&fit, conditions, shares, plan, work);
@@ -398,7 +404,7 @@ impl Object {
         let of_hypotheses =
             Hypothesis::all().filter(|h| h != chosen && may_be(h)).filter_map(|h| Some((h, self.fit_of(h)?.body)));
         let of_minima = others.iter().copied().filter(|(h, _)| (h == chosen || may_be(h)) && self.fit_of(*h).is_some());
-        let mut found: Vec<(Solid, f64)> = Vec::new();
+        let mut found: Vec<(Hypothesis, Fit, f64)> = Vec::new();
         for (h, body) in of_hypotheses.chain(of_minima) {
             if plan.family.is_some() && h.family() != chosen.family() {
                 continue;
@@ -414,14 +420,27 @@ impl Object {
                 _ => minimize(&self.rows, &other.body, conditions, Termination::new(3e-2, 6), work),
             };
             let log_odds = self.log_evidence_of(&other, conditions, work) + prior[h.0] - own;
-            let is_new = !other.body.is_like(&fit.body) && !found.iter().any(|(one, _)| one.is_like(&other.body));
+            let is_new =
+                !other.body.is_like(&fit.body) && !found.iter().any(|(_, one, _)| one.body.is_like(&other.body));
             if log_odds > MIN_LOG_ODDS && is_new {
-                found.push((other.body, log_odds));
+                found.push((h, other, log_odds));
             }
         }
-        found.sort_by(|a, b| b.1.total_cmp(&a.1));
-        found.truncate(MAX_ALTERNATIVES);
-        self.alternatives = found;
+        found.sort_by(|a, b| b.2.total_cmp(&a.2));
+        let better = found.first().copied().filter(|(.., log_odds)| *log_odds > MIN_SWAP_LOG_ODDS);
+        let better_by = better.map_or(0.0, |(.., log_odds)| log_odds);
+        let mut alternatives: Vec<(Solid, f64)> =
+            found.iter().skip(usize::from(better.is_some())).map(|(_, one, odds)| (one.body, odds - better_by)).collect();
+        if let Some((h, better, log_odds)) = better {
+            alternatives.push((fit.body, -log_odds));
+            alternatives.retain(|(_, log_odds)| *log_odds > MIN_LOG_ODDS);
+            alternatives.sort_by(|a, b| b.1.total_cmp(&a.1));
+            let ended = minimize(&self.rows, &better.body, conditions, LAST, work);
+            self.put(h, Fit { log_share_evidence: better.log_share_evidence, ..ended }, conditions);
+            self.hypotheses.chosen = h;
+        }
+        alternatives.truncate(MAX_ALTERNATIVES);
+        self.alternatives = alternatives;
     }
 }
 
