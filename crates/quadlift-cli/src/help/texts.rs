@@ -134,7 +134,7 @@ pub(super) const TEXTS: &[Text] = &[
     of("export", "camera", INPUT, "ID", "Choose the camera by its id"),
     of("export", "output", OUTPUT, "PATH", "Write to this file or folder"),
     of("render", "all", INPUT, "", "Draw every frame"),
-    of("render", "output", OUTPUT, "PATH", "Write this PNG or SVG, or with --all this folder"),
+    of("render", "output", OUTPUT, "PATH", "Write this file, or with --all this folder"),
     of("render", "svg", OUTPUT, "", "Write SVG with --all"),
     of("synth", "body", SCENE, "BODY,...", "Choose the kinds of bodies"),
     of("synth", "measurement", SCENE, "boxes|ellipses|both", "Choose what is measured in the images"),

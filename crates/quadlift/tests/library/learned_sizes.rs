@@ -27,9 +27,7 @@ fn made(seed: u64, views: usize, sizes: CategorySizes, standing: bool, body: Bod
 }
 
 fn localized(scene: &Scene, learn_sizes: bool, body: BodyKind) -> Localization {
-    // By the same estimator with and without.
-    let options = PosteriorOptions { learn_sizes, body: Some(body), by_evidence: false, ..Default::default() };
-    localize(scene, &options.into()).unwrap()
+    localize(scene, &PosteriorOptions { learn_sizes, body: Some(body), ..Default::default() }.into()).unwrap()
 }
 
 /// Mean IoU over so many scenes, without and with learned sizes, and the medians of the NEES.

@@ -8,6 +8,7 @@ mod closed_forms;
 mod common;
 mod cross_validation;
 mod cues;
+mod evidence;
 mod false_boxes;
 mod invariance;
 mod learned_sizes;
