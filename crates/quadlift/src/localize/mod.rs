@@ -19,8 +19,9 @@ use crate::observer::{Observer, Watch};
 use crate::parallel::map_indices;
 use crate::scene::places::Places;
 use crate::scene::{Detection, Scene, SkippedDetections, SourceError};
+use crate::solve::evidence::estimate;
 use crate::solve::plausible::warn_of_implausible_sizes;
-use crate::solve::posterior::{CrossValidated, PosePoints, PoseUnknowns, PosteriorContext, posterior};
+use crate::solve::posterior::{CrossValidated, PosePoints, PoseUnknowns, PosteriorContext};
 use crate::solve::{
     BORDER_MARGIN, Estimate, Fold, FoldPrediction, OptionError, PosteriorOptions, SceneSolution, ViewReport,
     predict_fold, solve_closed_form,
@@ -155,7 +156,7 @@ fn refined(
         watch,
     };
     let choose = |estimates: &[Estimate]| folds_of(estimates, options);
-    posterior(selection.objects.len(), &|k| selection.views_of(k), &context, &choose)
+    estimate(selection.objects.len(), &|k| selection.views_of(k), &context, &choose)
 }
 
 /// By a closed form, object by object.

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use super::closed_form::solve_closed_form;
 use super::estimate::Estimate;
+use super::evidence::estimate;
 use super::options::Method;
-use super::posterior::{PosePoints, PosteriorContext, posterior};
+use super::posterior::{PosePoints, PosteriorContext};
 use super::validate::OptionError;
 use crate::observer::{Unobserved, Watch};
 use crate::scene::{ObjectViews, View};
@@ -72,7 +73,7 @@ impl Estimator {
             options,
             watch: &Watch::new(&Unobserved, 1),
         };
-        let (mut solution, ..) = posterior(1, &|_| object.clone(), &context, &|_| Vec::new());
+        let (mut solution, ..) = estimate(1, &|_| object.clone(), &context, &|_| Vec::new());
         solution.estimates.swap_remove(0)
     }
 }

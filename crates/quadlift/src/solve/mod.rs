@@ -17,7 +17,7 @@ mod enclosing;
 mod report;
 mod closed_form;
 pub(crate) mod posterior;
-mod evidence;
+pub(crate) mod evidence;
 mod validate;
 mod estimator;
 

@@ -10,6 +10,7 @@ use super::conditions::{Conditions, DOF};
 use super::fit::{Workspace, linearize};
 use super::log_evidence::ROTATION_PRECISION;
 use super::object::Object;
+use super::prior::prior;
 use super::solid::{Family, Step};
 use crate::geometry::linalg::{cholesky, invert_spd};
 use crate::optimize::normal_equations::PARAMETERS;
@@ -90,7 +91,7 @@ impl Information {
     fn new(object: &Object, conditions: &Conditions, work: &mut Workspace) -> Option<Self> {
         let (rows, body) = (&object.rows, &object.fit().body);
         let equations = linearize(rows, body, conditions, work);
-        let prior = body.prior(conditions.shape_sd);
+        let prior = prior(body, conditions.shape_sd);
         // Where a body looks alike from all sides its rotation is open, as in the evidence.
         let mut hessian = equations.hessian;
         if body.family != Family::Ellipsoid {

@@ -6,6 +6,7 @@ use super::conditions::Conditions;
 use super::fit::{Workspace, residuals};
 use super::noise_names::Shared;
 use super::object::Object;
+use super::prior::prior;
 use super::solid::{Family, Solid};
 use crate::geometry::linalg::invert_spd;
 use crate::geometry::{Body, rotation_vector, vech3};
@@ -69,7 +70,7 @@ fn goodness_of_fit(object: &Object, conditions: &Conditions, work: &mut Workspac
             rows += at.probability;
         }
     }
-    let prior = fit.body.prior(conditions.shape_sd).hessian;
+    let prior = prior(&fit.body, conditions.shape_sd).hessian;
     let determined = PARAMETERS as f64 - invert_spd(&fit.equations.hessian)?.component_mul(&prior).sum();
     let dof = rows - determined;
     (dof > 0.0).then(|| GoodnessOfFit {

@@ -8,6 +8,7 @@ use std::f64::consts::TAU;
 
 use super::conditions::{CLUTTER_RANGE, Conditions, DOF};
 use super::lanes::Lanes;
+use super::prior::prior;
 use super::rows::{Rows, ViewRows};
 use super::solid::{Solid, Step};
 use crate::geometry::linalg::{cholesky, solve_spd};
@@ -122,7 +123,7 @@ pub(super) struct Equations {
 pub(super) fn linearize(rows: &Rows, body: &Solid, conditions: &Conditions, work: &mut Workspace) -> Equations {
     let log_likelihood = evaluate::<true>(rows, body, conditions, work);
     let weight = conditions.view_weight;
-    let prior = body.prior(conditions.shape_sd);
+    let prior = prior(body, conditions.shape_sd);
     let mut equations = Equations {
         hessian: prior.hessian,
         gradient: prior.gradient,

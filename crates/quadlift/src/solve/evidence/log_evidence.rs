@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use super::conditions::{Conditions, DOF};
 use super::fit::{Fit, Workspace, clutter, log_determinant, residuals};
 use super::lanes::Lanes;
-use super::prior::TILT_SD;
+use super::prior::{TILT_SD, prior};
 use super::rows::Rows;
 use super::solid::{Family, Solid};
 use crate::solve::estimate::Matrix9;
@@ -39,7 +39,7 @@ const MAX_STEPS: usize = 4;
 /// Neighboring views count as independent.
 pub(super) fn log_evidence(rows: &Rows, fit: &Fit, conditions: &Conditions, work: &mut Workspace) -> f64 {
     let body = &fit.body;
-    let prior = body.prior(conditions.shape_sd);
+    let prior = prior(body, conditions.shape_sd);
     let data = (fit.equations.hessian - prior.hessian) / conditions.view_weight;
     residuals(rows, body, conditions, work);
     let mut hessian = data + prior.hessian;
@@ -67,9 +67,9 @@ fn half_log_tau(parameters: f64) -> f64 {
 }
 
 /// The normal matrix of an ellipsoid in rotations and logarithms of semi-axes, with the prior of an angle for the tilt.
-fn with_angles(body: &Solid, mut hessian: Matrix9, prior: &Matrix9, shape_sd: f64) -> Matrix9 {
+fn with_angles(body: &Solid, mut hessian: Matrix9, of_prior: &Matrix9, shape_sd: f64) -> Matrix9 {
     if body.up.is_some() {
-        hessian += Solid { up: None, ..*body }.prior(shape_sd).hessian - prior;
+        hessian += prior(&Solid { up: None, ..*body }, shape_sd).hessian - of_prior;
     }
     let a = &body.half_extents;
     let scale = nalgebra::SVector::<f64, 9>::from_fn(|k, _| match k {

@@ -4,12 +4,13 @@
 //! ([`fit`]). An ellipsoid is fitted from a sphere ([`spheres`], [`search`]); from its weights the scan finds cuboids and cylinders of any
 //! rotation by linear problems ([`scan`]). Families, upright bodies and noise levels are compared by their evidence ([`log_evidence`]): each
 //! object goes down its own levels ([`object`]), the scene decides on its own ([`scene`], [`levels`]) and on how frequent families are
-//! ([`shares`]). Nothing is random, and nothing depends on the order or the frame of the world.
+//! ([`choice`]). Nothing is random, and nothing depends on the order or the frame of the world.
 
 mod lanes;
 mod conditions;
 mod solid;
 mod prior;
+mod box_planes;
 mod spheres;
 mod rows;
 mod fit;
@@ -18,28 +19,30 @@ mod rotations;
 mod scan;
 mod rounded;
 mod search;
+mod hypothesis;
 mod shares;
 mod object;
+mod choice;
 mod levels;
-mod scene;
 mod covariance;
 mod noise_names;
+mod scene;
 mod estimates;
 
+use choice::shares_of_chosen;
 use conditions::Conditions;
 use fit::Workspace;
 use noise_names::Shared;
 use object::{Object, Plan};
 use rows::Rows;
 use scene::{SceneFit, first_conditions};
-use shares::Shares;
 use solid::Family;
 
 use self::covariance::Systematic;
 use self::estimates::{Reporter, reference};
 use super::estimate::{Estimate, Status};
 use super::noise_model::NoiseModel;
-use super::posterior::{ChooseFolds, CrossValidated, PosteriorContext};
+use super::posterior::{ChooseFolds, CrossValidated, PosteriorContext, posterior};
 use super::prediction::{Fold, FoldPrediction, predict_fold};
 use super::scene_solution::SceneSolution;
 use crate::geometry::{Body, BodyKind};
@@ -52,12 +55,22 @@ const SAMPLE: usize = 250;
 /// Probability that an object is upright whose category has an `upright_sd`.
 const UPRIGHT_CATEGORY: f64 = 0.98;
 
-/// Whether a scene has nothing but boxes, no shared unknowns and no sizes: what this estimator fits.
-pub(super) fn serves(
+/// Solves for `count` objects by the estimator for what they share and were measured with, see [`posterior`].
+pub(crate) fn estimate(
     count: usize,
     views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
     context: &PosteriorContext,
-) -> bool {
+    folds: ChooseFolds,
+) -> CrossValidated {
+    if serves(count, views_of, context) {
+        estimate_boxes(count, views_of, context, folds)
+    } else {
+        posterior(count, views_of, context, folds)
+    }
+}
+
+/// Whether a scene has nothing but boxes, no shared unknowns and no sizes: what this estimator fits.
+fn serves(count: usize, views_of: &(dyn Fn(usize) -> ObjectViews + Sync), context: &PosteriorContext) -> bool {
     let options = context.options;
     let has_sizes = options.priors.by_category.values().any(|prior| prior.size.is_some());
     let plain = options.robust && options.heavy_tails && options.correlated_views && options.common_errors;
@@ -94,8 +107,8 @@ enum Place {
     Later,
 }
 
-/// Solves for `count` objects, see [`super::posterior::posterior`].
-pub(super) fn estimate_boxes(
+/// The same by the evidence of boxes.
+fn estimate_boxes(
     count: usize,
     views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
     context: &PosteriorContext,
@@ -129,7 +142,7 @@ pub(super) fn estimate_boxes(
     };
     let shared = given.unwrap_or_else(|| Shared {
         conditions: scene.conditions,
-        shares: Shares::of_chosen(&scene.objects, plan.family),
+        shares: shares_of_chosen(&scene.objects, plan.family),
         systematic: Systematic::new(&scene.objects, &scene.conditions),
         pixel_noise_size,
     });

@@ -4,39 +4,13 @@ use nalgebra::Vector3;
 
 use super::conditions::{Conditions, MIN_NOISE};
 use super::fit::{Fit, Termination, Workspace, minimize, residual_level, residuals};
+use super::hypothesis::{HYPOTHESES, Hypothesis};
 use super::log_evidence::log_evidence;
 use super::rounded::fit_rounded;
 use super::rows::Rows;
 use super::search::{Effort, first_ellipsoid, search_angular, search_rounded};
 use super::shares::Shares;
 use super::solid::{Family, Solid};
-
-/// Families with any rotation, then the same upright.
-pub(super) const HYPOTHESES: usize = 8;
-
-/// A hypothesis: a family, upright or not.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Hypothesis(pub usize);
-
-impl Hypothesis {
-    pub(super) const ELLIPSOID: Self = Self(0);
-
-    pub(super) fn all() -> impl Iterator<Item = Self> {
-        (0..HYPOTHESES).map(Self)
-    }
-
-    pub(super) fn of(family: Family, upright: bool) -> Self {
-        Self(family as usize + if upright { Family::ALL.len() } else { 0 })
-    }
-
-    pub(super) fn family(self) -> Family {
-        Family::ALL[self.0 % Family::ALL.len()]
-    }
-
-    pub(super) fn is_upright(self) -> bool {
-        self.0 >= Family::ALL.len()
-    }
-}
 
 /// The fits of all hypotheses.
 #[derive(Debug, Clone)]

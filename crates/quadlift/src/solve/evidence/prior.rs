@@ -28,86 +28,84 @@ impl PriorTerms {
     }
 }
 
-impl Solid {
-    /// The priors at the body; `shape_sd` is the standard deviation of the logarithms of half extents about their mean.
-    pub(super) fn prior(&self, shape_sd: f64) -> PriorTerms {
-        let mut terms = PriorTerms { cost: 0.0, hessian: Matrix9::zeros(), gradient: Step::zeros() };
-        for k in 0..3 {
-            terms.hessian[(k, k)] = CENTER_PRECISION;
-            terms.gradient[k] = CENTER_PRECISION * self.center[k];
-        }
-        terms.cost = CENTER_PRECISION * self.center.norm_squared();
-        let logs = self.half_extents.map(f64::ln);
-        let mean = logs.mean();
-        let by_mean = match self.family {
-            Family::Cylinder => [2.0 / 3.0, 0.0, 1.0 / 3.0],
-            Family::Ellipsoid => [1.0 / 6.0; 3],
-            Family::Rounded | Family::Cuboid => [1.0 / 3.0; 3],
-        };
-        terms.add(&row(6, &by_mean), mean, SIZE_PRECISION);
-        let precision = 1.0 / (shape_sd * shape_sd);
-        match self.family {
-            Family::Cylinder => {
-                terms.add(&row(6, &[1.0, 0.0, -1.0]), logs[0] - logs[2], 2.0 / 3.0 * precision);
-                // No rotation about the axis, one radius.
-                terms.hessian[(5, 5)] += 1.0;
-                terms.hessian[(7, 7)] += 1.0;
-            }
-            Family::Ellipsoid => self.add_ellipsoid_shape(&mut terms, &logs, mean, precision),
-            Family::Rounded | Family::Cuboid => add_shape(&mut terms, &logs, mean, precision, 1.0),
-        }
-        if let (Some(up), Some(in_body)) = (self.up, self.up_in_body()) {
-            if self.family == Family::Ellipsoid {
-                self.add_ellipsoid_tilt(&mut terms, &up, &in_body, &logs);
-            } else {
-                self.add_tilt(&mut terms, &in_body);
-            }
-        }
-        terms
+/// The priors at the body; `shape_sd` is the standard deviation of the logarithms of half extents about their mean.
+pub(super) fn prior(body: &Solid, shape_sd: f64) -> PriorTerms {
+    let mut terms = PriorTerms { cost: 0.0, hessian: Matrix9::zeros(), gradient: Step::zeros() };
+    for k in 0..3 {
+        terms.hessian[(k, k)] = CENTER_PRECISION;
+        terms.gradient[k] = CENTER_PRECISION * body.center[k];
     }
-
-    /// An entry of D off the diagonal turns two axes: the shape changes by it the less the more they differ.
-    fn add_ellipsoid_shape(&self, terms: &mut PriorTerms, logs: &Vector3<f64>, mean: f64, precision: f64) {
-        add_shape(terms, logs, mean, precision, 0.5);
-        for (k, kappa) in kappas(logs).into_iter().enumerate() {
-            terms.hessian[(3 + k, 3 + k)] += 0.5 * kappa * kappa * precision;
+    terms.cost = CENTER_PRECISION * body.center.norm_squared();
+    let logs = body.half_extents.map(f64::ln);
+    let mean = logs.mean();
+    let by_mean = match body.family {
+        Family::Cylinder => [2.0 / 3.0, 0.0, 1.0 / 3.0],
+        Family::Ellipsoid => [1.0 / 6.0; 3],
+        Family::Rounded | Family::Cuboid => [1.0 / 3.0; 3],
+    };
+    terms.add(&row(6, &by_mean), mean, SIZE_PRECISION);
+    let precision = 1.0 / (shape_sd * shape_sd);
+    match body.family {
+        Family::Cylinder => {
+            terms.add(&row(6, &[1.0, 0.0, -1.0]), logs[0] - logs[2], 2.0 / 3.0 * precision);
+            // No rotation about the axis, one radius.
+            terms.hessian[(5, 5)] += 1.0;
+            terms.hessian[(7, 7)] += 1.0;
         }
+        Family::Ellipsoid => add_ellipsoid_shape(&mut terms, &logs, mean, precision),
+        Family::Rounded | Family::Cuboid => add_shape(&mut terms, &logs, mean, precision, 1.0),
     }
-
-    /// The entries of `ln B` between `up` and two horizontal directions: 0 if an axis is vertical.
-    fn add_ellipsoid_tilt(
-        &self,
-        terms: &mut PriorTerms,
-        up: &Vector3<f64>,
-        in_body: &Vector3<f64>,
-        logs: &Vector3<f64>,
-    ) {
-        let kappas = kappas(logs);
-        for horizontal in crate::geometry::rotation::horizontal_basis(up) {
-            let level = self.axes.tr_mul(&horizontal);
-            let mut slopes = Step::zeros();
-            for k in 0..3 {
-                let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-                slopes[3 + k] = 0.5 * kappas[k] * (in_body[i] * level[j] + in_body[j] * level[i]);
-                slopes[6 + k] = 0.5 * in_body[k] * level[k];
-            }
-            let residual = (0..3).map(|k| logs[k] * in_body[k] * level[k]).sum();
-            terms.add(&slopes, residual, 1.0 / (TILT_SD * TILT_SD));
-        }
-    }
-
-    /// Components of `up` along the axes that are level: r_i' = r_i + w x r_i.
-    fn add_tilt(&self, terms: &mut PriorTerms, u: &Vector3<f64>) {
-        let by_x = row(3, &[0.0, -u.z, u.y]);
-        let by_y = row(3, &[u.z, 0.0, -u.x]);
-        let by_z = row(3, &[-u.y, u.x, 0.0]);
-        let precision = 1.0 / (TILT_SD * TILT_SD);
-        if self.is_level_cylinder() {
-            terms.add(&by_z, u.z, precision);
+    if let (Some(up), Some(in_body)) = (body.up, body.up_in_body()) {
+        if body.family == Family::Ellipsoid {
+            add_ellipsoid_tilt(body, &mut terms, &up, &in_body, &logs);
         } else {
-            terms.add(&by_x, u.x, precision);
-            terms.add(&by_y, u.y, precision);
+            add_tilt(body, &mut terms, &in_body);
         }
+    }
+    terms
+}
+
+/// An entry of D off the diagonal turns two axes: the shape changes by it the less the more they differ.
+fn add_ellipsoid_shape(terms: &mut PriorTerms, logs: &Vector3<f64>, mean: f64, precision: f64) {
+    add_shape(terms, logs, mean, precision, 0.5);
+    for (k, kappa) in kappas(logs).into_iter().enumerate() {
+        terms.hessian[(3 + k, 3 + k)] += 0.5 * kappa * kappa * precision;
+    }
+}
+
+/// The entries of `ln B` between `up` and two horizontal directions: 0 if an axis is vertical.
+fn add_ellipsoid_tilt(
+    body: &Solid,
+    terms: &mut PriorTerms,
+    up: &Vector3<f64>,
+    in_body: &Vector3<f64>,
+    logs: &Vector3<f64>,
+) {
+    let kappas = kappas(logs);
+    for horizontal in crate::geometry::rotation::horizontal_basis(up) {
+        let level = body.axes.tr_mul(&horizontal);
+        let mut slopes = Step::zeros();
+        for k in 0..3 {
+            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            slopes[3 + k] = 0.5 * kappas[k] * (in_body[i] * level[j] + in_body[j] * level[i]);
+            slopes[6 + k] = 0.5 * in_body[k] * level[k];
+        }
+        let residual = (0..3).map(|k| logs[k] * in_body[k] * level[k]).sum();
+        terms.add(&slopes, residual, 1.0 / (TILT_SD * TILT_SD));
+    }
+}
+
+/// Components of `up` along the axes that are level: r_i' = r_i + w x r_i.
+fn add_tilt(body: &Solid, terms: &mut PriorTerms, u: &Vector3<f64>) {
+    let by_x = row(3, &[0.0, -u.z, u.y]);
+    let by_y = row(3, &[u.z, 0.0, -u.x]);
+    let by_z = row(3, &[-u.y, u.x, 0.0]);
+    let precision = 1.0 / (TILT_SD * TILT_SD);
+    if body.is_level_cylinder() {
+        terms.add(&by_z, u.z, precision);
+    } else {
+        terms.add(&by_x, u.x, precision);
+        terms.add(&by_y, u.y, precision);
     }
 }
 
@@ -158,11 +156,11 @@ mod tests {
                     if family == Family::Cylinder { Vector3::new(1.1, 1.1, 0.7) } else { Vector3::new(1.3, 0.8, 0.6) };
                 let center = Vector3::new(0.1, 0.2, -0.3);
                 let body = Solid { family, center, axes, half_extents, cuboid_share: 0.4, up };
-                let gradient = body.prior(0.4).gradient;
+                let gradient = prior(&body, 0.4).gradient;
                 for k in (0..PARAMETERS).filter(|&k| family != Family::Cylinder || k != 7) {
                     let mut step = Step::zeros();
                     step[k] = 1e-5;
-                    let cost = |step: &Step| body.moved(step).prior(0.4).cost;
+                    let cost = |step: &Step| prior(&body.moved(step), 0.4).cost;
                     let difference = (cost(&step) - cost(&-step)) / 4e-5;
                     let error = (difference - gradient[k]).abs();
                     assert!(error < 1e-3 * (1.0 + difference.abs()), "{family:?} {k}: {difference} {}", gradient[k]);

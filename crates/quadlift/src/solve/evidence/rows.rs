@@ -8,9 +8,9 @@
 
 use nalgebra::{Point3, Vector3};
 
+use super::box_planes::BoxPlanes;
 use super::lanes::Lanes;
 use super::spheres::{Sphere, agreeing_spheres};
-use crate::geometry::edge_plane;
 use crate::scene::View;
 
 /// The planes of one view.
@@ -92,7 +92,7 @@ impl Rows {
         boxes.sort_by(|a, b| a.order().partial_cmp(&b.order()).unwrap_or(std::cmp::Ordering::Equal));
         let spheres = agreeing_spheres(&boxes);
         let first = *spheres.first()?;
-        let rows: Vec<ViewRows> = boxes.iter().filter_map(|planes| planes.rows(&first, pixel_noise_size)).collect();
+        let rows: Vec<ViewRows> = boxes.iter().filter_map(|planes| rows_of(planes, &first, pixel_noise_size)).collect();
         if rows.len() < 2 {
             return None;
         }
@@ -105,100 +105,32 @@ impl Rows {
     }
 }
 
-/// The planes of one box in the world.
-pub(super) struct BoxPlanes {
-    pub normal: [Vector3<f64>; 4],
-    pub offset: [f64; 4],
-    pub truncated: [bool; 4],
-    occluded: [bool; 4],
-    /// Mean half size of the box, pixels.
-    pub half_size: f64,
-    /// Focal length, pixels.
-    pub focal_length: f64,
-    /// Unit viewing axis and offset: the depth of a point x is `axis . x + depth_offset`.
-    pub axis: Vector3<f64>,
-    pub depth_offset: f64,
-    /// The two planes through the center of the box.
-    pub middle: [(Vector3<f64>, f64); 2],
-    /// Direction from the camera through the center of the box.
-    pub ray: Vector3<f64>,
-    pub camera: Vector3<f64>,
-    edges: [f64; 4],
-    view: usize,
-    frame: usize,
-}
-
-impl BoxPlanes {
-    fn new(view: &View, index: usize) -> Option<Self> {
-        let bounding_box = view.bounding_box?;
-        let p = view.projection.matrix();
-        let p = p / p.fixed_view::<1, 3>(2, 0).norm();
-        let planes: [_; 4] = std::array::from_fn(|edge| edge_plane(&p, &bounding_box, edge));
-        let center = bounding_box.center();
-        let middle = [0, 1].map(|k| {
-            let plane = p.row(k) - p.row(2) * center[k];
-            (plane.fixed_columns::<3>(0).transpose(), plane[3])
-        });
-        let axis = p.fixed_view::<1, 3>(2, 0).transpose();
-        let ray = middle[0].0.cross(&middle[1].0).try_normalize(0.0)?;
-        let camera = view.projection.center_in_world()?;
-        let half_size = bounding_box.mean_half_size();
-        Some(Self {
-            normal: planes.map(|plane| plane.xyz()),
-            offset: planes.map(|plane| plane.w),
-            truncated: view.cut_off,
-            occluded: view.occluded_edges,
-            half_size,
-            focal_length: view.projection.focal_length(),
-            axis,
-            depth_offset: p[(2, 3)],
-            middle,
-            ray: if ray.dot(&axis) < 0.0 { -ray } else { ray },
-            camera: camera.coords,
-            edges: bounding_box.edges(),
-            view: index,
-            frame: view.frame_index,
-        })
-        .filter(|planes| half_size > 0.0 && planes.normal.iter().all(|n| n.iter().all(|x| x.is_finite())))
+/// The planes in the frame of a sphere, unless that is not in front of the camera.
+fn rows_of(planes: &BoxPlanes, frame: &Sphere, pixel_noise_size: f64) -> Option<ViewRows> {
+    let depth = planes.depth(&frame.center);
+    if depth.is_nan() || depth <= MIN_RADII * frame.radius {
+        return None;
     }
-
-    /// By frame, then by place in the image: the same whatever the order of the detections.
-    fn order(&self) -> (usize, [f64; 4]) {
-        (self.frame, self.edges)
+    let relative = pixel_noise_size / planes.half_size;
+    let size_factor = (0.5 * (1.0 + relative * relative)).sqrt();
+    let scale = 1.0 / (depth * planes.half_size * size_factor);
+    let at_origin = |edge: usize| (planes.normal[edge].dot(&frame.center) + planes.offset[edge]) * scale;
+    let scaled = scale * frame.radius;
+    let mut two_sided = [0; 2];
+    for edge in (0..4).filter(|&edge| !planes.truncated[edge]) {
+        two_sided[usize::from(planes.occluded[edge])] += 1;
     }
-
-    /// Depth of a point.
-    pub(super) fn depth(&self, point: &Vector3<f64>) -> f64 {
-        self.axis.dot(point) + self.depth_offset
-    }
-
-    /// The planes in the frame of a sphere, unless that is not in front of the camera.
-    fn rows(&self, frame: &Sphere, pixel_noise_size: f64) -> Option<ViewRows> {
-        let depth = self.depth(&frame.center);
-        if depth.is_nan() || depth <= MIN_RADII * frame.radius {
-            return None;
-        }
-        let relative = pixel_noise_size / self.half_size;
-        let size_factor = (0.5 * (1.0 + relative * relative)).sqrt();
-        let scale = 1.0 / (depth * self.half_size * size_factor);
-        let at_origin = |edge: usize| (self.normal[edge].dot(&frame.center) + self.offset[edge]) * scale;
-        let scaled = scale * frame.radius;
-        let mut two_sided = [0; 2];
-        for edge in (0..4).filter(|&edge| !self.truncated[edge]) {
-            two_sided[usize::from(self.occluded[edge])] += 1;
-        }
-        Some(ViewRows {
-            normal: std::array::from_fn(|k| Lanes(std::array::from_fn(|edge| self.normal[edge][k] * scaled))),
-            offset: Lanes(std::array::from_fn(at_origin)),
-            length: Lanes(std::array::from_fn(|edge| self.normal[edge].norm() * scaled)),
-            depth_slope: (self.axis * (frame.radius / depth)).into(),
-            truncated: self.truncated,
-            occluded: self.occluded,
-            occluded_lanes: Lanes(self.occluded.map(f64::from)),
-            two_sided,
-            size_factor,
-            view: self.view,
-            frame: self.frame,
-        })
-    }
+    Some(ViewRows {
+        normal: std::array::from_fn(|k| Lanes(std::array::from_fn(|edge| planes.normal[edge][k] * scaled))),
+        offset: Lanes(std::array::from_fn(at_origin)),
+        length: Lanes(std::array::from_fn(|edge| planes.normal[edge].norm() * scaled)),
+        depth_slope: (planes.axis * (frame.radius / depth)).into(),
+        truncated: planes.truncated,
+        occluded: planes.occluded,
+        occluded_lanes: Lanes(planes.occluded.map(f64::from)),
+        two_sided,
+        size_factor,
+        view: planes.view,
+        frame: planes.frame,
+    })
 }

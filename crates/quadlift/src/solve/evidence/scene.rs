@@ -1,13 +1,14 @@
 //! All objects of a scene: ellipsoids down their own noise levels, then the other families, then thorough searches where no body explains
 //! the boxes; after each stage the evidence of the scene decides on its noise level.
 
+use super::choice::choose;
 use super::conditions::{Conditions, FIRST_NOISE};
 use super::fit::{Termination, Workspace, minimize};
 use super::levels::{best_level, proposed};
 use super::noise_names::Shared;
 use super::object::{FINE_NOISE, Hypotheses, Object, Plan};
 use super::rows::Rows;
-use super::shares::{Shares, choose};
+use super::shares::Shares;
 use super::solid::Solid;
 use crate::geometry::Body;
 use crate::observer::Watch;

@@ -2,8 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::box_planes::BoxPlanes;
 use super::conditions::{CLUTTER_RANGE, DOF, FIRST_WRONG_SHARE};
-use super::rows::BoxPlanes;
 use crate::geometry::linalg::solve_spd;
 use crate::optimize::median::median;
 

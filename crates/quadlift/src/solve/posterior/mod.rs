@@ -51,9 +51,6 @@ pub(crate) fn posterior(
     folds: ChooseFolds,
 ) -> CrossValidated {
     let options = context.options;
-    if super::evidence::serves(count, views_of, context) {
-        return super::evidence::estimate_boxes(count, views_of, context, folds);
-    }
     let stride = count.div_ceil(NOISE_SAMPLE).max(1);
     let sample: Vec<usize> = (0..count).step_by(stride).collect();
     let fitted = |body_kinds: &[BodyKind]| SceneFit::fit(body_kinds, &|k| views_of(sample[k]), context);
