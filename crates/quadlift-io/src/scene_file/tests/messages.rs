@@ -171,7 +171,7 @@ fn objects() {
    "cuboid""#), @"scene.json: objects[0].ellipsoid.semi_axes: expected three positive numbers, found [3.0, 2.0, 0.0]");
     assert_snapshot!(after(r#""half_extents": [3, 2, 1], "rotation": [1, 0, 0, 0]"#, r#""half_extents": [3, 2, 1], "rotation": [1, 1, 0, 0]"#), @"scene.json: objects[0].cuboid.rotation: expected a unit quaternion [w, x, y, z], found [1.0, 1.0, 0.0, 0.0]");
     assert_snapshot!(after("1.5", "3"), @"scene.json: objects[0].superellipsoid.support_exponent: 3 is not a number from 1 (cuboid) to 2 (ellipsoid)");
-    assert_snapshot!(after(r#""status": "ok""#, r#""status": "fine""#), @r#"scene.json: objects[0].status: unknown status "fine"; expected one of ok, inconsistent, not_an_ellipsoid, too_few_views, degenerate, diverged"#);
+    assert_snapshot!(after(r#""status": "ok""#, r#""status": "fine""#), @r#"scene.json: objects[0].status: unknown status "fine"; expected one of ok, inconsistent, undetermined, not_an_ellipsoid, too_few_views, degenerate, diverged"#);
     assert_snapshot!(after(r#""status": "ok""#, r#""covariance": {"coordinates": "x", "matrix": [[1]]}"#), @"scene.json:17:52: objects[0].covariance.matrix[0]: found 1 entry, expected a list of 9 numbers");
     let matrix = serde_json::to_string(&[[1.0; 9]; 9]).unwrap();
     assert_snapshot!(after(r#""status": "ok""#, &format!(r#""covariance": {{"coordinates": "x", "matrix": {matrix}}}"#)), @r#"scene.json: objects[0].covariance.coordinates: unknown coordinates "x"; expected center_vech_shape or center_rotation_log_axes"#);
