@@ -48,7 +48,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "ID")]
     frame: Option<String>,
 
-    /// Draw every frame into the folder of --output, as <id of the frame>.png with "_" in place of "/" and other signs. Frames whose
+    /// Draw every frame into the folder of --output, as ID.png with "_" in place of "/" and other signs of its id. Frames whose
     /// image is unknown or cannot be read are blank, and counted
     #[arg(long)]
     all: bool,
