@@ -198,12 +198,12 @@ impl BodyModel for EllipsoidModel {
 
 /// `sqrt(p q) (ln p - ln q) / (p - q)` for p / q = exp(2 difference): the slope of the matrix logarithm between two
 /// eigenvalues, relative to their geometric mean.
-fn log_slope(difference: f64) -> f64 {
+pub(crate) fn log_slope(difference: f64) -> f64 {
     if difference.abs() < 1e-4 { 1.0 - difference * difference / 6.0 } else { difference / difference.sinh() }
 }
 
 /// `exp(S)` of a symmetric 3x3 matrix of moderate size, by scaling and squaring of the Taylor series.
-fn exp_symmetric(s: &Matrix3<f64>) -> Matrix3<f64> {
+pub(crate) fn exp_symmetric(s: &Matrix3<f64>) -> Matrix3<f64> {
     let scaled = s / 8.0;
     let mut term = scaled;
     let mut sum = Matrix3::identity() + scaled;

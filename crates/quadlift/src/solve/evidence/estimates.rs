@@ -6,10 +6,9 @@ use super::conditions::Conditions;
 use super::fit::{Workspace, residuals};
 use super::noise_names::Shared;
 use super::object::Object;
-use super::prior::prior;
 use super::solid::{Family, Solid};
-use crate::geometry::linalg::invert_spd;
-use crate::geometry::{Body, rotation_vector, vech3};
+use crate::body_model::ellipsoid::shape_jacobian;
+use crate::geometry::{Body, rotation_vector};
 use crate::optimize::normal_equations::PARAMETERS;
 use crate::scene::ObjectViews;
 use crate::solve::estimate::{
@@ -18,6 +17,7 @@ use crate::solve::estimate::{
 };
 use crate::solve::posterior::object::agreement::{is_inconsistent, median_level};
 use crate::solve::posterior::object::alternatives::{MAX_ALTERNATIVES, are_different, symmetries};
+use crate::solve::posterior::object::covariance;
 use crate::solve::report::{describe, is_a_body};
 
 /// A view with at least this probability to show the object counts as used.
@@ -26,8 +26,8 @@ const MIN_PROBABILITY: f64 = 0.5;
 /// A fit whose cost could still decrease by more than this has not converged: a tenth of a squared standard deviation of the estimate.
 const MAX_REMAINING_DECREASE: f64 = 0.01;
 
-/// Log odds from which another body fits about as well (38 %). Of right objects in three views, some with a wrong box, 5.6 % are warned of
-/// with one half, 2 % of them because they are undetermined.
+/// Log odds from which another body fits about as well (38 %). With even less, one half against one, 5.6 % of the right objects among
+/// three views, some with a wrong box, came with a warning or were undetermined, where 5 % may.
 const AMBIGUOUS: f64 = -0.5;
 
 /// Standard deviation of the logarithm of one radius of a cylinder about the other: bases are round, but covariances must be regular.
@@ -70,9 +70,7 @@ fn goodness_of_fit(object: &Object, conditions: &Conditions, work: &mut Workspac
             rows += at.probability;
         }
     }
-    let prior = prior(&fit.body, conditions.shape_sd).hessian;
-    let determined = PARAMETERS as f64 - invert_spd(&fit.equations.hessian)?.component_mul(&prior).sum();
-    let dof = rows - determined;
+    let dof = rows - fit.determined(conditions)?;
     (dof > 0.0).then(|| GoodnessOfFit {
         normalized_residual: (squares / dof).sqrt(),
         relative_residual: (relative / dof).sqrt(),
@@ -185,11 +183,10 @@ fn in_world(body: &Solid, local: &Matrix9, unit: f64) -> Option<Covariance> {
     let coordinates = match body.family {
         Family::Ellipsoid => {
             let root = body.axes * Matrix3::from_diagonal(&(body.half_extents * unit));
-            // The entries of D in the order of a step.
-            for (k, (i, j)) in [(1, 2), (0, 2), (0, 1), (0, 0), (1, 1), (2, 2)].into_iter().enumerate() {
-                let (b, c) = (root.column(i), root.column(j));
-                let change = if i == j { b * b.transpose() } else { b * c.transpose() + c * b.transpose() };
-                map.fixed_view_mut::<6, 1>(3, 3 + k).copy_from(&vech3(&change));
+            let slopes = shape_jacobian(&root);
+            // The entries 23, 13, 12, 11, 22, 33 of D, as a step has them, in the order of vech.
+            for (k, entry) in [4, 2, 1, 0, 3, 5].into_iter().enumerate() {
+                map.fixed_view_mut::<6, 1>(3, 3 + k).copy_from(&slopes.column(entry));
             }
             CovarianceCoordinates::CenterVechShape
         }
@@ -206,7 +203,5 @@ fn in_world(body: &Solid, local: &Matrix9, unit: f64) -> Option<Covariance> {
         }
         local[(7, 7)] += ROUND_BASE_SD * ROUND_BASE_SD;
     }
-    let matrix = map * local * map.transpose();
-    let matrix = (matrix + matrix.transpose()) * 0.5;
-    matrix.iter().all(|x| x.is_finite()).then_some(Covariance { coordinates, matrix })
+    covariance::in_world(&local, &map, coordinates)
 }

@@ -11,7 +11,7 @@ use super::lanes::Lanes;
 use super::prior::prior;
 use super::rows::{Rows, ViewRows};
 use super::solid::{Solid, Step};
-use crate::geometry::linalg::{cholesky, solve_spd};
+use crate::geometry::linalg::{cholesky, invert_spd, solve_spd};
 use crate::optimize::normal_equations::PARAMETERS;
 use crate::solve::estimate::Matrix9;
 
@@ -173,6 +173,14 @@ pub(super) struct Fit {
     pub converged: bool,
     /// Logarithm of what the cuboid's share of a rounded body adds to the evidence.
     pub log_share_evidence: f64,
+}
+
+impl Fit {
+    /// Number of parameters that the measurements determine, `tr(H^-1 H_data)`; `None` where H is singular.
+    pub(super) fn determined(&self, conditions: &Conditions) -> Option<f64> {
+        let of_prior = prior(&self.body, conditions.shape_sd).hessian;
+        Some(PARAMETERS as f64 - invert_spd(&self.equations.hessian)?.component_mul(&of_prior).sum())
+    }
 }
 
 /// Where a minimization ends.

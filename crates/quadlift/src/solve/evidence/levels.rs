@@ -3,8 +3,7 @@
 use super::conditions::{Conditions, FIRST_WRONG_SHARE, MIN_NOISE, OCCLUDED_RATIO, WRONG_SHARE_VIEWS};
 use super::fit::{Fit, Workspace, linearize, residuals};
 use super::object::Object;
-use super::prior::prior;
-use crate::geometry::linalg::{cholesky, invert_spd};
+use crate::geometry::linalg::cholesky;
 use crate::optimize::normal_equations::PARAMETERS;
 use crate::parallel::map_indices;
 
@@ -86,12 +85,8 @@ impl Sums {
     fn of(object: &Object, conditions: &Conditions, work: &mut Workspace) -> Self {
         let (rows, fit) = (&object.rows, object.fit());
         let mut sums = Self { inverse_views: 1.0 / rows.views.len() as f64, ..Self::default() };
-        // Parameters that the measurements determine: tr(H^-1 H_data).
-        let prior = prior(&fit.body, conditions.shape_sd).hessian;
         let all = PARAMETERS as f64;
-        let determined =
-            invert_spd(&fit.equations.hessian).map_or(all, |inverse| all - inverse.component_mul(&prior).sum());
-        let determined = determined.clamp(0.0, all);
+        let determined = fit.determined(conditions).unwrap_or(all).clamp(0.0, all);
         let occluded = occluded_leverage(object, fit, conditions, work).min(determined);
         sums.parameters = [determined - occluded, occluded];
         residuals(rows, &fit.body, conditions, work);

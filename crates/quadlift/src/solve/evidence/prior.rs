@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::solid::{Family, Solid, Step};
+use crate::body_model::ellipsoid::log_slope;
 use crate::solve::estimate::Matrix9;
 
 /// Standard deviation of the tilt of upright bodies, radians.
@@ -130,10 +131,7 @@ fn add_shape(terms: &mut PriorTerms, logs: &Vector3<f64>, mean: f64, precision: 
 
 /// x / sinh x of the difference of the other two logarithms, for each axis.
 fn kappas(logs: &Vector3<f64>) -> [f64; 3] {
-    std::array::from_fn(|k| {
-        let x = logs[(k + 1) % 3] - logs[(k + 2) % 3];
-        if x.abs() < 1e-4 { 1.0 } else { x / x.sinh() }
-    })
+    std::array::from_fn(|k| log_slope(logs[(k + 1) % 3] - logs[(k + 2) % 3]))
 }
 
 #[cfg(test)]

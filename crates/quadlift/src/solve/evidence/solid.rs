@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
 use super::lanes::{Lanes, dot};
+use crate::body_model::ellipsoid::exp_symmetric;
 use crate::geometry::linalg::axes_of_image_of_ball;
 use crate::geometry::{Body, BodyKind};
 use crate::optimize::normal_equations::PARAMETERS;
@@ -124,7 +125,7 @@ impl Solid {
         if self.family == Family::Ellipsoid {
             let half =
                 Matrix3::new(step[6], step[5], step[4], step[5], step[7], step[3], step[4], step[3], step[8]) * 0.5;
-            let root = Matrix3::from_diagonal(&self.half_extents) * exponential(&half);
+            let root = Matrix3::from_diagonal(&self.half_extents) * exp_symmetric(&half);
             if let Some((lengths, mut axes)) = axes_of_image_of_ball(&root) {
                 if axes.determinant() < 0.0 {
                     axes.column_mut(2).neg_mut();
@@ -207,17 +208,6 @@ impl Solid {
             kind,
         }
     }
-}
-
-/// exp of a symmetric matrix with entries of at most about one: its series. Eigenvectors would jump where eigenvalues cross.
-fn exponential(m: &Matrix3<f64>) -> Matrix3<f64> {
-    const TERMS: usize = 10;
-    let (mut sum, mut term) = (Matrix3::identity(), Matrix3::identity());
-    for k in 1..TERMS {
-        term = term * m / k as f64;
-        sum += term;
-    }
-    sum
 }
 
 /// The frame of `up` and a level axis nearest to one of these axes, the first that is not vertical.
