@@ -189,13 +189,13 @@ class ToRerun(unittest.TestCase):
         times = [t.total_seconds() for batch in times for t in batch.column("time").to_pylist()]
         self.assertEqual(sorted(set(times)), [0, 0.5, 1, 1.5, 2, 2.5])
 
-    def test_a_superellipsoid_is_logged_as_its_ellipsoid(self):
+    def test_a_rounded_body_is_logged_as_its_ellipsoid(self):
         folder = self.folder
         quadlift(folder, "synth", "-o", "scene.json", "--objects", "2", "--views", "6")
-        quadlift(folder, "localize", "scene.json", "-o", "estimate.json", "--body", "superellipsoid:1.5")
+        quadlift(folder, "localize", "scene.json", "-o", "estimate.json", "--body", "rounded")
         recording = Recording(folder, "scene.json", "estimate.json")
         [(_, axes)] = recording.values("/world/estimate/ellipsoids", "Ellipsoids3D:half_sizes")
-        estimates = package.Scene.read(folder / "scene.json").localize(body="superellipsoid:1.5")
+        estimates = package.Scene.read(folder / "scene.json").localize(body="rounded")
         np.testing.assert_allclose(axes, estimates.closest_ellipsoids(), rtol=1e-6)
 
 

@@ -47,7 +47,7 @@ SETTINGS = {
     "ellipsoid": ("--body ellipsoid", "noisy mixed kitti_S22_aligned"),
     "cuboid": ("--body cuboid", "cuboids kitti_S36_oxts"),
     "cylinder": ("--body cylinder", "mixed"),
-    "superellipsoid": ("--body superellipsoid:1.5", "superellipsoids"),
+    "rounded": ("--body rounded", "superellipsoids"),
     "closed-forms": ("--method {planes,lfd,pfd,reg}", "noisy both"),
     "priors": ("--priors builtin --body cuboid", "kitti_S22_oxts kitti_S09_aligned"),
     "learned-sizes": ("--learn-sizes", "street kitti_S09_oxts"),

@@ -17,9 +17,9 @@ class RunOptions(TypedDict, total=False):
     Default: "posterior"."""
     reg_weight: float | None
     """Weight of the regularizer [default: 1e16]."""
-    body: str
-    """Kind of body to fit: ellipsoid, cuboid, cylinder, superellipsoid:Q (Q from 1, cuboid, to 2, ellipsoid), or
-    auto: selected for each object, an ellipsoid without evidence for another kind. Default: "auto"."""
+    body: Literal["auto", "ellipsoid", "cuboid", "cylinder", "rounded"]
+    """Kind of body to fit: ellipsoid, cuboid, cylinder, rounded (between cuboid and ellipsoid), or auto: selected
+    for each object, an ellipsoid without evidence for another kind. Default: "auto"."""
     source: str | None
     """Use only the detections of this source; required if the scene has several."""
     measurement: Literal["auto", "box", "ellipse", "box+ellipse", "mask"]

@@ -116,7 +116,7 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     "no objects": ({"objects": -np.ones(10, int), "associate": "never"}, "10 detections have no object id"),
     "method": ({"method": "magic"}, 'method is "magic"; expected one of posterior, planes'),
     "body": ({"body": "ball"}, 'body is "ball"; expected one of auto, ellipsoid'),
-    "exponent": ({"body": "superellipsoid:3"}, 'body is "superellipsoid:3"; expected'),
+    "exponent": ({"body": "superellipsoid:1.5"}, 'body is "superellipsoid:1.5"; expected'),
     "method of a body": ({"method": "lfd", "body": "cuboid"}, 'body is an option of method="posterior" only'),
     "learned sizes": ({"learn_sizes": "yes"}, "learn_sizes is "),
     "method of learned sizes": (

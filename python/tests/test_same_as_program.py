@@ -27,8 +27,8 @@ SCENES: dict[str, tuple[list[str], list[str], dict[str, Any]]] = {
     ),
     "poses": (
         ["--objects", "12", "--views", "8", "--pose-noise", "0.2", "--noise", "box:0.02"],
-        ["--pose-noise", "0.003,0.1", "--body", "superellipsoid:1.5"],
-        {"pose_noise": (0.003, 0.1), "body": "superellipsoid:1.5"},
+        ["--pose-noise", "0.003,0.1", "--body", "rounded"],
+        {"pose_noise": (0.003, 0.1), "body": "rounded"},
     ),
     "noise_model": (
         ["--objects", "6", "--views", "10", "--noise", "box:0.03", "--outliers", "0.1"],

@@ -53,7 +53,7 @@ def at(rows: pa.Table, frame: int, name: int) -> int:
 # The same numbers
 
 
-@pytest.mark.parametrize("body", ["ellipsoid", "cuboid", "superellipsoid:1.5"])
+@pytest.mark.parametrize("body", ["ellipsoid", "cuboid", "rounded"])
 def test_same_as_scenes(fleet: Fleet, body: str) -> None:
     rows = with_edges(fleet)
     options: dict[str, Any] = {"noise_model": NOISE_MODEL, "body": body, "seed": 5, "up": fleet.up}

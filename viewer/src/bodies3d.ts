@@ -37,7 +37,7 @@ export function unitGeometry(body: Body, rounds: number): THREE.BufferGeometry {
   const positions = geometry.getAttribute("position");
   for (let i = 0; i < positions.count; i++) {
     const v: Vec3 = [positions.getX(i), positions.getY(i), positions.getZ(i)];
-    positions.setXYZ(i, ...unitPoint(v, body.exponent));
+    positions.setXYZ(i, ...unitPoint(v, body));
   }
   // The direction a point was made from is the normal of its place.
   return geometry;

@@ -1,14 +1,19 @@
-// Points on bodies. Every body is a unit shape that its axes stretch: a sphere, a cube, a cylinder or a
-// superellipsoid.
+// Points on bodies. Every body is a unit shape that its axes stretch: a sphere, a cube, a cylinder, a superellipsoid or
+// a rounded cube.
 
 import type { Body, Vec3 } from "./data.ts";
 import { column, rotationMatrix } from "./linear.ts";
 
 /**
- * The point where the plane with normal `v` touches the unit superellipsoid with this support exponent q: the gradient
- * of the support function (sum |v_i|^q)^(1/q). With q = 2 it is the sphere; q = 1 is left to cubes.
+ * The point where the plane with normal `v` touches the unit shape: the gradient of its support function, of a
+ * superellipsoid with exponent q that of (sum |v_i|^q)^(1/q), of a rounded cube with roundness r that of
+ * (1 - r) sum |v_i| + r |v|. With q = 2 it is the sphere; q = 1 is left to cubes.
  */
-export function unitPoint(v: Vec3, exponent: number): Vec3 {
+export function unitPoint(v: Vec3, { kind, exponent }: Pick<Body, "kind" | "exponent">): Vec3 {
+  if (kind === "rounded") {
+    const [roundness, norm] = [exponent - 1, Math.hypot(...v)];
+    return v.map((x) => (1 - roundness) * Math.sign(x) + (roundness * x) / norm) as Vec3;
+  }
   const largest = Math.max(...v.map(Math.abs));
   const w = v.map((x) => x / largest) as Vec3;
   const length = w.reduce((sum, x) => sum + Math.abs(x) ** exponent, 0) ** (1 / exponent);
@@ -64,7 +69,7 @@ export function wireframe(body: Body): [Vec3, Vec3][] {
       const v: Vec3 = [0, 0, 0];
       v[(axis + 1) % 3] = Math.cos(angle);
       v[(axis + 2) % 3] = Math.sin(angle);
-      return place(unitPoint(v, body.exponent));
+      return place(unitPoint(v, body));
     };
     for (let k = 0; k < CURVE_POINTS; k++) lines.push([at(k), at(k + 1)]);
   }
@@ -82,7 +87,7 @@ export function surfacePoints(body: Body): Vec3[] {
     for (let j = 0; j < 48; j++) {
       const angle = (2 * Math.PI * j) / 48;
       const v: Vec3 = [Math.sin(polar) * Math.cos(angle), Math.sin(polar) * Math.sin(angle), Math.cos(polar)];
-      points.push(place(unitPoint(v, body.exponent)));
+      points.push(place(unitPoint(v, body)));
     }
   }
   return points;

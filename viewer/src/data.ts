@@ -124,14 +124,14 @@ export interface Alternative {
 }
 
 export interface Body {
-  kind: "ellipsoid" | "cuboid" | "cylinder" | "superellipsoid";
+  kind: "ellipsoid" | "cuboid" | "cylinder" | "superellipsoid" | "rounded";
   center: Vec3;
   /** Semi-axes, half extents, or the two radii and half the height of a cylinder. */
   half: Vec3;
   /** The columns of this rotation are the axes. */
   rotation: [number, number, number, number];
-  /** Exponent of the support function of a superellipsoid, in [1, 2]; 1 of a cuboid, 2 of an ellipsoid; a cylinder
-   * has none.  */
+  /** Exponent of the support function of a superellipsoid, in [1, 2]; 1 of a cuboid, 2 of an ellipsoid; 1 + the roundness
+   * of a rounded body; a cylinder has none. */
   exponent: number;
 }
 

@@ -137,6 +137,7 @@ export function isUnreliable(object: ReportObject | undefined): boolean {
 const STATUS: Record<string, string> = {
   ok: "ok",
   inconsistent: "inconsistent",
+  undetermined: "undetermined",
   not_an_ellipsoid: "not an ellipsoid",
   too_few_views: "too few views",
   degenerate: "degenerate",
@@ -145,6 +146,7 @@ const STATUS: Record<string, string> = {
 
 const REASON: Record<string, string> = {
   inconsistent: "no body agrees with its views; the one shown is unreliable",
+  undetermined: "its views leave open where it is; the one shown is one of many",
   not_an_ellipsoid: "the best-fitting quadric is not an ellipsoid; only its center is reported",
   too_few_views: "it has fewer views than the method needs",
   degenerate: "its views do not determine it: they are all from the same position, or contradict each other",

@@ -604,7 +604,7 @@ fn choices() -> Vec<Case> {
         ),
         called("a cuboid from a closed form", 2, "localize scene.json -o out.json --method planes --body cuboid"),
         called("an unknown body", 2, "localize scene.json -o out.json --body sphere"),
-        called("an exponent out of range", 2, "localize scene.json -o out.json --body superellipsoid:3"),
+        called("a kind that is not fitted", 2, "localize scene.json -o out.json --body superellipsoid:1.5"),
         called("an unknown noise", 2, "synth -o out.json --noise fog:1"),
         called("too many outliers", 2, "synth -o out.json --outliers 1.5"),
         called("ellipse noise on boxes", 2, "synth -o out.json --noise re:45"),

@@ -1,10 +1,11 @@
 //! The options of a run that a user can choose.
 
+use quadlift::MeasurementKind;
 use quadlift::association::IdPolicy;
 use quadlift::cross_validation::Extent;
+use quadlift::geometry::BodyKind;
 use quadlift::run::{AssociateWhen, RunOptions};
 use quadlift::solve::{Method, NoiseModel, PoseMotion, PoseNoise, PosteriorOptions};
-use quadlift::{MeasurementKind, UnknownName};
 
 use super::Command::{Associate, Localize, Node, Python, Segment, Stream};
 use super::{Command, Group, Kind, Range, Spec, Value};
@@ -12,6 +13,9 @@ use super::{Command, Group, Kind, Range, Spec, Value};
 const LOCALIZE: &[Command] = &[Localize, Python];
 const MAPS: &[Command] = &[Localize, Python, Stream, Node];
 const OF_POSTERIOR: Option<(&str, &str)> = Some(("method", "posterior"));
+
+/// Kinds of bodies to fit.
+const BODIES: [&str; 5] = ["auto", "ellipsoid", "cuboid", "cylinder", "rounded"];
 
 /// A row with what most have.
 const ROW: Spec<RunOptions> = Spec { group: Group::Model, of: LOCALIZE, ..Spec::ROW };
@@ -53,25 +57,18 @@ pub const RUN: &[Spec<RunOptions>] = &[
     },
     Spec {
         name: "body",
-        kind: Kind::Text,
+        kind: Kind::Choice(&BODIES),
         placeholder: "BODY",
         short: "Choose the kind of body to fit",
-        help: "Kind of body to fit: ellipsoid, cuboid, cylinder, superellipsoid:Q (Q from 1, cuboid, to 2, ellipsoid), or auto: \
-               selected for each object, an ellipsoid without evidence for another kind",
+        help: "Kind of body to fit: ellipsoid, cuboid, cylinder, rounded (between cuboid and ellipsoid), or auto: selected for each \
+               object, an ellipsoid without evidence for another kind",
         group: Group::Model,
         of: MAPS,
         only: OF_POSTERIOR,
         whole_scene: false,
-        get: |o| of_posterior(o, |of| of.body.map_or_else(|| "auto".to_owned(), |body| body.to_string())),
+        get: |o| of_posterior(o, |of| of.body.map_or("auto", BodyKind::name).to_owned()),
         set: |o, value| {
-            let body = match value.text() {
-                Some("auto") => None,
-                Some(name) => Some(
-                    name.parse()
-                        .map_err(|e: UnknownName| format!("expected one of auto, {}", e.expected.join(", ")))?,
-                ),
-                None => return Err("expected a kind of body".to_owned()),
-            };
+            let body = BodyKind::FITTED.into_iter().find(|kind| value.text() == Some(kind.name()));
             set_posterior(o, |of| of.body = body)
         },
         ..ROW

@@ -27,7 +27,7 @@ pub(super) const OBJECT_COLUMNS: [&str; 26] = [
     "rotation_x",
     "rotation_y",
     "rotation_z",
-    "support_exponent",
+    "body_parameter",
     "half_extent_1_sd",
     "half_extent_2_sd",
     "half_extent_3_sd",

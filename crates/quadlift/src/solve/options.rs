@@ -198,7 +198,7 @@ impl Default for PosteriorOptions {
             pose_noise: None,
             refine_poses: None,
             refine_extrinsics: true,
-            by_evidence: false,
+            by_evidence: true,
             common_errors: true,
             noise_model: None,
         }

@@ -29,12 +29,11 @@ impl PosteriorOptions {
     /// # Errors
     /// [`OptionError`] names the first option that is out of range.
     pub(crate) fn validate(&self) -> Result<(), OptionError> {
-        if let Some(q) = self.body.map(BodyKind::exponent)
-            && !(1.0..=2.0).contains(&q)
-        {
-            return refuse(format!(
-                "the support exponent of a superellipsoid is {q}; expected 1 (cuboid) to 2 (ellipsoid)"
-            ));
+        if let Some(BodyKind::Superellipsoid(_)) = self.body {
+            return refuse(
+                "superellipsoids are not fitted; expected an ellipsoid, a cuboid, a cylinder or a rounded body"
+                    .to_owned(),
+            );
         }
         if let Some(PoseNoise { rotation_sd, translation_sd }) = self.pose_noise
             && !(is_positive(rotation_sd) && is_positive(translation_sd))

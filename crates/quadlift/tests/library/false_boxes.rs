@@ -137,5 +137,6 @@ fn with_given_levels_an_object_is_judged_by_them_alone() {
         assert_eq!(alone.estimates[0].goodness_of_fit, estimate.goodness_of_fit);
         assert_eq!(alone.estimates[0].views, estimate.views);
     }
-    assert!(statuses["ok"] > 25 && statuses["inconsistent"] > 0, "{statuses:?}");
+    // Of two views that do not agree either may be wrong.
+    assert!(statuses["ok"] > 25 && statuses["undetermined"] > 0, "{statuses:?}");
 }

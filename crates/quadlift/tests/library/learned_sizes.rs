@@ -27,7 +27,9 @@ fn made(seed: u64, views: usize, sizes: CategorySizes, standing: bool, body: Bod
 }
 
 fn localized(scene: &Scene, learn_sizes: bool, body: BodyKind) -> Localization {
-    localize(scene, &PosteriorOptions { learn_sizes, body: Some(body), ..Default::default() }.into()).unwrap()
+    // By the same estimator with and without.
+    let options = PosteriorOptions { learn_sizes, body: Some(body), by_evidence: false, ..Default::default() };
+    localize(scene, &options.into()).unwrap()
 }
 
 /// Mean IoU over so many scenes, without and with learned sizes, and the medians of the NEES.

@@ -51,7 +51,9 @@ fn with_errors(made: &SyntheticScene, sd: [f64; 2], correlation_length: f64) -> 
 }
 
 fn found(made: &SyntheticScene, refine_poses: Option<PoseMotion>) -> Localization {
-    let options = PosteriorOptions { body: Some(BodyKind::Ellipsoid), refine_poses, ..Default::default() };
+    // By the same estimator with and without.
+    let body = Some(BodyKind::Ellipsoid);
+    let options = PosteriorOptions { body, refine_poses, by_evidence: false, ..Default::default() };
     localize(&made.scene, &options.into()).unwrap()
 }
 

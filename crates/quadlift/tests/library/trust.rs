@@ -40,7 +40,8 @@ fn with_habits(mut synthetic: SyntheticScene, amount: f64) -> SyntheticScene {
 }
 
 fn run(synthetic: &SyntheticScene, common_errors: bool) -> Localization {
-    let map = PosteriorOptions { body: Some(BodyKind::Ellipsoid), common_errors, ..Default::default() };
+    let body = Some(BodyKind::Ellipsoid);
+    let map = PosteriorOptions { body, common_errors, by_evidence: false, ..Default::default() };
     localize(&synthetic.scene, &LocalizeOptions::from(map)).unwrap()
 }
 
@@ -87,5 +88,32 @@ fn exact_boxes_leave_tiny_regions() {
     for (estimate, (_, truth)) in run(&synthetic, true).estimates.iter().zip(&synthetic.truth) {
         let size = truth.closest_ellipsoid().semi_axes.min();
         assert!(estimate.center_sd().unwrap() < 2e-3 * size, "{:?} of {size}", estimate.center_sd());
+    }
+}
+
+/// The default estimator of boxes.
+fn run_default(synthetic: &SyntheticScene) -> Localization {
+    let options = PosteriorOptions { body: Some(BodyKind::Ellipsoid), ..Default::default() };
+    localize(&synthetic.scene, &options.into()).unwrap()
+}
+
+#[test]
+fn regions_of_scenes_of_boxes_hold_with_and_without_habits() {
+    for (synthetic, least) in [(boxes(0.05), 0.93), (with_habits(boxes(0.01), 0.08), 0.85)] {
+        let found = run_default(&synthetic);
+        let share = inside(&synthetic, &found);
+        let deviations: Vec<f64> =
+            found.estimates.iter().map(|e| e.center_sd().unwrap() / e.body.unwrap().half_extents.min()).collect();
+        println!("inside: {share:.2}, largest deviation {:.3}", deviations.iter().fold(0.0f64, |a, x| a.max(*x)));
+        assert!(share >= least, "{share}");
+    }
+}
+
+#[test]
+fn exact_boxes_leave_tiny_regions_by_evidence() {
+    let synthetic = boxes(0.0);
+    for (estimate, (_, truth)) in run_default(&synthetic).estimates.iter().zip(&synthetic.truth) {
+        let size = truth.closest_ellipsoid().semi_axes.min();
+        assert!(estimate.center_sd().unwrap() < 5e-3 * size, "{:?} of {size}", estimate.center_sd());
     }
 }

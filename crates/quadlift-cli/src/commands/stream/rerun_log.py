@@ -6,7 +6,7 @@ Needs Rerun's SDK alone: the program ``quadlift`` contains this file and runs it
 Entities, on the timelines "frame" and, if the frames have times, "time":
 
     world/estimate/ellipsoids, world/estimate/cuboids   estimated bodies (cylinders and
-                                                        superellipsoids as their ellipsoids)
+                                                        rounded bodies as their ellipsoids)
     world/truth/ellipsoids, world/truth/cuboids         true bodies
     world/boxes3d                                       3D boxes of the frame's detections
     world/path                                          the cameras' centers

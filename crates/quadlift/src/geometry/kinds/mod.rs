@@ -87,6 +87,9 @@ impl BodyKind {
     pub const ALL: [Self; 5] =
         [Self::Ellipsoid, Self::Cuboid, Self::Cylinder, Self::Superellipsoid(1.5), Self::Rounded(0.5)];
 
+    /// The kinds that estimators fit, as options name them: the roundness of a rounded body is fitted, whatever is given.
+    pub const FITTED: [Self; 4] = [Self::Ellipsoid, Self::Cuboid, Self::Cylinder, Self::Rounded(0.65)];
+
     /// The names of all kinds on the command line, where Q stands for an exponent and R for a roundness.
     pub(crate) const NAMES: [&str; 5] = [
         "ellipsoid",

@@ -403,11 +403,8 @@ impl Object {
         found.sort_by(|a, b| b.2.total_cmp(&a.2));
         let better = found.first().copied().filter(|(.., log_odds)| *log_odds > MIN_SWAP_LOG_ODDS);
         let better_by = better.map_or(0.0, |(.., log_odds)| log_odds);
-        let mut alternatives: Vec<(Solid, f64)> = found
-            .iter()
-            .skip(usize::from(better.is_some()))
-            .map(|(_, one, odds)| (one.body, odds - better_by))
-            .collect();
+        let mut alternatives: Vec<(Solid, f64)> =
+            found.iter().skip(usize::from(better.is_some())).map(|(_, one, odds)| (one.body, odds - better_by)).collect();
         if let Some((h, better, log_odds)) = better {
             alternatives.push((fit.body, -log_odds));
             alternatives.retain(|(_, log_odds)| *log_odds > MIN_LOG_ODDS);
