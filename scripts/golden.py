@@ -54,7 +54,7 @@ SETTINGS = {
     "refined": ("--refine-poses", "wrong-poses points kitti_S05_oxts"),
     "ground": ("--ground-plane", "street mixed"),
     "cross-validated": ("--cross-validate --report page.html", "wrong-boxes tuw_demo"),
-    "brief": ("--compact --seed 7 --json", "noisy"),
+    "brief": ("--compact --json", "noisy"),
     "masks": ("--measurement mask", "outlines"),
     "noise_model": ("--noise-model edge_noise=0.03,edge_noise_px=1", "noisy"),
     "associated": ("--associate always --ids ignore", "noisy street"),

@@ -134,7 +134,7 @@ def localize(
         World unit; ``"m"`` is required for ``priors="builtin"``.
     **options
         `noise_model` and `body` (both are needed with objects and ``method="posterior"``, see `noise`), `method`,
-        `priors`, `min_views`, `reg_weight`, `seed`, as in `quadlift.localize`; without the column `object` also those
+        `priors`, `min_views`, `reg_weight`, as in `quadlift.localize`; without the column `object` also those
         of scenes.
 
     Returns

@@ -116,7 +116,7 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     "no objects": ({"objects": -np.ones(10, int), "associate": "never"}, "10 detections have no object id"),
     "method": ({"method": "magic"}, 'method is "magic"; expected one of posterior, planes'),
     "body": ({"body": "ball"}, 'body is "ball"; expected one of auto, ellipsoid'),
-    "exponent": ({"body": "superellipsoid:1.5"}, 'body is "superellipsoid:1.5"; expected'),
+    "not fitted": ({"body": "superellipsoid:1.5"}, 'body is "superellipsoid:1.5"; expected'),
     "method of a body": ({"method": "lfd", "body": "cuboid"}, 'body is an option of method="posterior" only'),
     "learned sizes": ({"learn_sizes": "yes"}, "learn_sizes is "),
     "method of learned sizes": (
@@ -125,7 +125,6 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "method of priors": ({"method": "lfd", "priors": "builtin"}, 'priors is an option of method="posterior" only'),
     "lambda": ({"reg_weight": 1.0}, 'reg_weight is an option of method="reg" only'),
-    "seed": ({"seed": -1}, "seed is -1; expected a whole number from 0"),
     "threads": ({"threads": 0}, "threads is 0; expected a whole number from 1 to 1024"),
     "min_views": ({"min_views": 2.5}, "min_views is 2.5; expected a whole number from 0 to"),
     "pose_noise": ({"pose_noise": (0.0, 1.0)}, "pose_noise is [0.0, 1.0]; expected 2 positive numbers"),

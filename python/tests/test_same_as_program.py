@@ -17,8 +17,8 @@ SCENES: dict[str, tuple[list[str], list[str], dict[str, Any]]] = {
     "boxes": (["--objects", "6", "--views", "10", "--noise", "box:0.05", "--outliers", "0.05"], [], {}),
     "cuboids": (
         ["--objects", "5", "--views", "8", "--body", "cuboid", "--trajectory", "orbit", "--noise", "box:0.02"],
-        ["--body", "cuboid", "--seed", "7", "--threads", "1"],
-        {"body": "cuboid", "seed": 7, "threads": 1},
+        ["--body", "cuboid", "--threads", "1"],
+        {"body": "cuboid", "threads": 1},
     ),
     "ellipses": (
         ["--objects", "5", "--views", "9", "--measurement", "ellipses", "--noise", "se:0.3"],

@@ -60,7 +60,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
 
-    /// Number of seeds: of `localize`, and of the scenes of each synthetic set
+    /// Number of seeds: of the turns of the worlds, and of the scenes of each synthetic set
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=100))]
     seeds: u64,
 
@@ -142,7 +142,7 @@ fn compare_once(
     if set.overlap == Overlap::Enclosing {
         options.push("--enclosing");
     }
-    let once = |program: &Program| score(set, scene, &program.localize(input, &output, &options, seed)?);
+    let once = |program: &Program| score(set, scene, &program.localize(input, &output, &options)?);
     let [a, b] = programs;
     Ok(if seed.is_multiple_of(2) {
         let first = once(a)?;

@@ -44,15 +44,9 @@ impl Program {
     ///
     /// # Errors
     /// The program cannot be started, rejects its options, or ends in another way than with the exit codes 0, 1 and 3.
-    pub(super) fn localize(
-        &self,
-        input: &Path,
-        output: &Path,
-        options: &[&str],
-        seed: u64,
-    ) -> anyhow::Result<Finished> {
+    pub(super) fn localize(&self, input: &Path, output: &Path, options: &[&str]) -> anyhow::Result<Finished> {
         let mut command = Command::new(&self.path);
-        command.arg("localize").arg(input).arg("-o").arg(output).arg("--quiet").args(["--seed", &seed.to_string()]);
+        command.arg("localize").arg(input).arg("-o").arg(output).arg("--quiet");
         command.args(without_replaced(options, &self.options)).args(&self.options);
         command.env("RAYON_NUM_THREADS", "1").stdin(Stdio::null()).stdout(Stdio::null());
         if output.exists() {

@@ -335,21 +335,6 @@ pub const RUN: &[Spec<RunOptions>] = &[
         ..ROW
     },
     Spec {
-        name: "seed",
-        kind: Kind::Whole(0),
-        placeholder: "N",
-        short: "Set the seed of random numbers",
-        help: "Seed of the random numbers",
-        group: Group::Run,
-        whole_scene: false,
-        get: |o| Value::Whole(o.localize.seed),
-        set: |o, value| {
-            o.localize.seed = value.whole().ok_or("expected a whole number")?;
-            Ok(())
-        },
-        ..ROW
-    },
-    Spec {
         name: "fix",
         short: "Apply the corrections that the check proposes",
         help: "Apply the corrections that the consistency check proposes until the scene is consistent (3 at most)",
@@ -486,7 +471,6 @@ mod tests {
             "measurement",
             "allow_inconsistent",
             "enclosing",
-            "seed",
             "cross_validate",
         ];
         let of_method = [

@@ -39,7 +39,7 @@ pub struct LocalizeOptions {
     /// ([`crate::solve::Warning::ImplausibleSize`]). Estimates do not depend on them, in contrast to the priors of
     /// [`PosteriorOptions`].
     pub plausible_sizes: CategoryPriors,
-    /// Seed of the random numbers.
+    /// Seed of the random starts that scenes with anything but boxes, or with unknown poses, have.
     pub seed: u64,
     /// How much is cross-validated, and how.
     pub cross_validation: CrossValidationOptions,

@@ -1,13 +1,17 @@
 //! Priors of a body: proportions, place and size, and the tilt of upright ones (docs/method.md).
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::solid::{Family, Solid, Step};
 use crate::body_model::ellipsoid::log_slope;
+use crate::geometry::rotation::horizontal_basis;
 use crate::solve::estimate::Matrix9;
 
 /// Standard deviation of the tilt of upright bodies, radians.
 pub(super) const TILT_SD: f64 = 0.05;
+
+/// Difference of the logarithms of two axes below which neither shows: that of a tilt of [`TILT_SD`].
+const ROUND: f64 = 0.1;
 
 /// Precision of the center, and of the mean logarithm of the half extents, in units of the first sphere: 30 radii, a factor of e^2.
 /// They keep the normal equations positive definite where the boxes leave something open.
@@ -74,7 +78,9 @@ fn add_ellipsoid_shape(terms: &mut PriorTerms, logs: &Vector3<f64>, mean: f64, p
     }
 }
 
-/// The entries of `ln B` between `up` and two horizontal directions: 0 if an axis is vertical.
+/// The tilt of an axis from the vertical, as an ellipsoid shows it: with the entries m of `L = ln B` between `up` and the horizontal, and
+/// M the difference of `L` along `up` and its horizontal block, a small tilt t makes `m = M t`. Its estimate `(M^2 + x^2)^(-1/2) m` is the
+/// tilt where axes differ by more than x, and vanishes with their difference, so that round bodies are upright at no cost.
 fn add_ellipsoid_tilt(
     body: &Solid,
     terms: &mut PriorTerms,
@@ -82,17 +88,41 @@ fn add_ellipsoid_tilt(
     in_body: &Vector3<f64>,
     logs: &Vector3<f64>,
 ) {
+    let level = horizontal_basis(up).map(|horizontal| body.axes.tr_mul(&horizontal));
     let kappas = kappas(logs);
-    for horizontal in crate::geometry::rotation::horizontal_basis(up) {
-        let level = body.axes.tr_mul(&horizontal);
+    let entry = |a: &Vector3<f64>, b: &Vector3<f64>| logs.component_mul(a).dot(b);
+    let slopes = |a: &Vector3<f64>, b: &Vector3<f64>| {
         let mut slopes = Step::zeros();
         for k in 0..3 {
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-            slopes[3 + k] = 0.5 * kappas[k] * (in_body[i] * level[j] + in_body[j] * level[i]);
-            slopes[6 + k] = 0.5 * in_body[k] * level[k];
+            slopes[3 + k] = 0.5 * kappas[k] * (a[i] * b[j] + a[j] * b[i]);
+            slopes[6 + k] = 0.5 * a[k] * b[k];
         }
-        let residual = (0..3).map(|k| logs[k] * in_body[k] * level[k]).sum();
-        terms.add(&slopes, residual, 1.0 / (TILT_SD * TILT_SD));
+        slopes
+    };
+    let [x, y] = &level;
+    let across = Matrix2::new(entry(x, x), entry(x, y), entry(x, y), entry(y, y));
+    let difference = Matrix2::identity() * entry(in_body, in_body) - across;
+    let squared = difference * difference + Matrix2::identity() * (ROUND * ROUND);
+    let Some(inverse) = squared.try_inverse() else { return };
+    let off_axis = Vector2::new(entry(in_body, x), entry(in_body, y));
+    let off_slopes = [slopes(in_body, x), slopes(in_body, y)];
+    let precision = 1.0 / (TILT_SD * TILT_SD);
+    let through = inverse * off_axis;
+    terms.cost += precision * off_axis.dot(&through);
+    for a in 0..2 {
+        terms.gradient += off_slopes[a] * (precision * through[a]);
+        for b in 0..2 {
+            terms.hessian += off_slopes[a] * off_slopes[b].transpose() * (precision * inverse[(a, b)]);
+        }
+    }
+    // The scale of the tilt changes with the axes.
+    let by_difference = difference * through;
+    terms.gradient -= slopes(in_body, in_body) * (precision * by_difference.dot(&through));
+    for a in 0..2 {
+        for b in 0..2 {
+            terms.gradient += slopes(&level[a], &level[b]) * (precision * by_difference[a] * through[b]);
+        }
     }
 }
 
@@ -145,7 +175,7 @@ mod tests {
     fn gradients_of_priors_are_those_of_differences() {
         let up = Vector3::new(0.3, -0.5, 0.8).normalize();
         let turned: Matrix3<f64> = *Rotation3::from_euler_angles(0.4, -0.6, 0.5).matrix();
-        let [x, y] = crate::geometry::rotation::horizontal_basis(&up);
+        let [x, y] = horizontal_basis(&up);
         let level = Matrix3::from_columns(&[y.cross(&x), up, x]);
         let level = level * Rotation3::new(Vector3::new(0.1, 0.05, 0.2)).matrix();
         for (family, axes) in Family::ALL.into_iter().map(|f| (f, turned)).chain([(Family::Cylinder, level)]) {
