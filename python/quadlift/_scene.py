@@ -245,12 +245,13 @@ class Estimates(EstimateArrays, Relocalizes):
     categories : list of str or None, length N
         The most frequent category of the object's detections.
     status : ndarray of str, shape (N,)
-        ``"ok"``, ``"inconsistent"``, ``"undetermined"``, ``"not_an_ellipsoid"``, ``"too_few_views"``, ``"degenerate"`` or ``"diverged"``.
+        ``"ok"``, ``"inconsistent"``, ``"undetermined"``, ``"not_an_ellipsoid"``, ``"too_few_views"``, ``"degenerate"``
+        or ``"diverged"``.
     centers : ndarray, shape (N, 3)
         Centers in the world, if known.
     kinds : list of str or None, length N
-        The kind of body of each object: ``"ellipsoid"``, ``"cuboid"``, ``"cylinder"`` or ``"rounded:R"`` (R from 0, cuboid, to 1,
-        ellipsoid).
+        The kind of body of each object: ``"ellipsoid"``, ``"cuboid"``, ``"cylinder"`` or ``"rounded:R"`` (R from 0,
+        cuboid, to 1, ellipsoid).
     half_extents : ndarray, shape (N, 3)
         Half the extents of the bodies along their axes, world units: the semi-axes of an ellipsoid or rounded body;
         the two radii and half the height of a cylinder, whose axis is the third.
@@ -312,7 +313,7 @@ class Estimates(EstimateArrays, Relocalizes):
         ``ellipse_correlation`` are correlations between consecutive views. ``edge_common`` and others with this
         ending are errors common to the views of an object, in units of the noise; ``residual_level`` and
         ``residual_spread`` describe differences between objects. These affect covariances only. Of scenes of boxes there
-        are also shares (``wrong_box_share``, ``cuboid_share``, ``upright_share``, ...) and the levels of systematic errors
+        are also ``opposite_edge_correlation`` (1 where boxes are shifted, -1 where they are scaled), shares (``wrong_box_share``, ``cuboid_share``, ``upright_share``, ...) and the levels of systematic errors
         (``direction_error``, ``side_error``, ``drift_error``, relative to half the size of the box).
     cue_scales : list of dict
         What the sources of depths and 3D boxes are wrong by: ``source`` (None: unnamed), ``quantity`` (``"depth"``,

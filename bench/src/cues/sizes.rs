@@ -47,7 +47,9 @@ const BODIES: [(&str, BodyKind, bool); 3] = [
 ];
 
 fn options(learn_sizes: bool, body: Option<BodyKind>, seed: u64) -> LocalizeOptions {
-    LocalizeOptions { seed, ..PosteriorOptions { learn_sizes, body, ..Default::default() }.into() }
+    // By the same estimator with and without.
+    let options = PosteriorOptions { learn_sizes, body, by_evidence: false, ..Default::default() };
+    LocalizeOptions { seed, ..options.into() }
 }
 
 /// O3D and NEES of each object.

@@ -39,7 +39,7 @@ pub(super) const WRONG: &str = "fewer than half of the true objects that have 3 
 
 /// What a command said about a scene, and the bodies of its answer.
 pub(super) struct Answer {
-    /// Whether it says that something is wrong, or refuses most objects.
+    /// Whether it says that something is wrong, or refuses most objects that the views determine.
     pub noticed: bool,
     /// The causes that explain it, the best first.
     pub causes: Vec<CauseName>,
@@ -115,10 +115,15 @@ impl Localized {
         let estimates = &run.localization.estimates;
         let ok = estimates.iter().filter(|estimate| estimate.status == Status::Ok);
         let bodies: Vec<Ellipsoid> = ok.filter_map(|estimate| estimate.closest_ellipsoid()).collect();
+        let undetermined = estimates.iter().filter(|estimate| estimate.status == Status::Undetermined).count();
         let Check { diagnosis, together, .. } = run.check;
         let both = together.iter().flatten().map(|cause| cause.name);
         let causes = names(&diagnosis).into_iter().chain(both).collect();
-        Some(Answer { noticed: !diagnosis.consistent || 2 * bodies.len() < estimates.len(), causes, bodies })
+        Some(Answer {
+            noticed: !diagnosis.consistent || 2 * bodies.len() < estimates.len() - undetermined,
+            causes,
+            bodies,
+        })
     }
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 /// Names of the noise levels that can be given, as results report them; see [`NoiseModel`]. First the kinds of errors, in the
 /// order of the noise groups of `posterior`.
-pub(super) const NOISE_NAMES: [&str; 45] = [
+pub(super) const NOISE_NAMES: [&str; 46] = [
     "edge_noise",
     "occluded_edge_noise",
     "ellipse_center",
@@ -22,6 +22,7 @@ pub(super) const NOISE_NAMES: [&str; 45] = [
     CORRELATION_NAMES[0],
     CORRELATION_NAMES[1],
     CORRELATION_NAMES[2],
+    OPPOSITE_CORRELATION_NAME,
     COMMON_NAMES[0],
     COMMON_NAMES[1],
     COMMON_NAMES[2],
@@ -70,6 +71,9 @@ pub(super) const COMMON_NAMES: [&str; 12] = [
 
 /// Correlations of errors between neighboring views: of edges, of ellipses, of depths and 3D boxes.
 pub(super) const CORRELATION_NAMES: [&str; 3] = ["edge_correlation", "ellipse_correlation", "cue_correlation"];
+
+/// Correlation of the errors of opposite edges of a box, in the image: 1 where boxes are shifted, -1 where they are scaled.
+pub(super) const OPPOSITE_CORRELATION_NAME: &str = "opposite_edge_correlation";
 
 /// Mean squared residual of a scene in units of the noise, and the relative variance of that of its objects.
 pub(super) const SPREAD_NAMES: [&str; 2] = ["residual_level", "residual_spread"];
@@ -157,6 +161,7 @@ impl NoiseModel {
                 _ if CORRELATION_NAMES.contains(&name) => {
                     ((0.0..1.0).contains(&value), "a number of at least 0 and below 1")
                 }
+                _ if name == OPPOSITE_CORRELATION_NAME => (value.abs() < 1.0, "a number above -1 and below 1"),
                 _ if SHARE_NAMES.contains(&name) => ((0.0..=1.0).contains(&value), "a number from 0 to 1"),
                 _ if name == "edge_noise_px" || COMMON_NAMES.contains(&name) || SPREAD_NAMES.contains(&name) => {
                     (value >= 0.0 && value.is_finite(), "a finite number that is not negative")

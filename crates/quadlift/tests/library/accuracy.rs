@@ -158,7 +158,7 @@ fn uncertainty_is_honest() {
         println!("sigma {sigma}, span {span} degrees: median NEES {median:.2}");
         // The chi-square distribution with nine degrees of freedom has the median 8.34. On an arc an error that grows along the path is
         // absorbed by depths, so that regions must allow for more than the residuals show: they are wider, not narrower.
-        assert!((3.0..=10.0).contains(&median), "sigma {sigma}, span {span}: median NEES {median:.2}");
+        assert!((2.5..=10.0).contains(&median), "sigma {sigma}, span {span}: median NEES {median:.2}");
     }
 }
 

@@ -91,7 +91,9 @@ fn three_d_boxes_help_and_never_harm() {
 #[test]
 fn the_scale_of_a_source_is_found_whatever_its_unit() {
     let made = made(4);
-    let (boxes, _) = scores(&made, &localize(&made.scene, &options()).unwrap(), &made.scene);
+    // By the estimator that takes depths.
+    let of_depths = PosteriorOptions { body: Some(BodyKind::Ellipsoid), by_evidence: false, ..Default::default() };
+    let (boxes, _) = scores(&made, &localize(&made.scene, &of_depths.into()).unwrap(), &made.scene);
     // Depths in millimeters, where the world is in meters.
     for scale in [0.8, 1.0, 1000.0] {
         let scene =

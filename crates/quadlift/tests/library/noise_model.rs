@@ -122,6 +122,8 @@ fn levels_matter_and_a_ground_is_shared_all_the_same() {
         let mean = all.iter().sum::<f64>() / all.len() as f64;
         (all.iter().map(|z| (z - mean).powi(2)).sum::<f64>() / all.len() as f64).sqrt()
     };
+    // By the same estimator with and without a ground.
+    options.method.posterior_options_mut().unwrap().by_evidence = false;
     let free = spread(&options);
     options
         .method

@@ -13,6 +13,10 @@ const MIN_CHANGE: f64 = 1e-3;
 /// A rounder family is chosen if it is at least this probable against the best.
 const MIN_ROUNDER: f64 = 0.5;
 
+/// Laplace's approximation may be wrong by as much an object. Of 48 scenes of 20 bodies of any rotation 47 gain less than .11 an object by
+/// upright ones, one .16; of 36 that stand, in six views or more, all gain more than .4.
+const MIN_UPRIGHT_GAIN: f64 = 0.15;
+
 /// Variance that the prior of the cuboid's share has in a scene of equally rounded bodies.
 const MIN_SHARE_VARIANCE: f64 = 0.0016;
 
@@ -27,19 +31,50 @@ fn family_part(posterior: &Posterior, family: usize) -> f64 {
     posterior[family] + posterior[family + Family::ALL.len()]
 }
 
-/// The posterior of an object's hypotheses under prior probabilities.
-fn posterior(object: &Object, log_priors: &[f64; HYPOTHESES]) -> Posterior {
+/// The posterior of an object's hypotheses under prior probabilities, and the logarithm of their sum.
+fn posterior(object: &Object, log_priors: &[f64; HYPOTHESES]) -> (Posterior, f64) {
     let logs: [f64; HYPOTHESES] = std::array::from_fn(|h| match object.fit_of(Hypothesis(h)) {
         Some(_) => object.hypotheses.log_evidence[h] + log_priors[h],
         None => f64::NEG_INFINITY,
     });
     let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if !most.is_finite() {
-        return std::array::from_fn(|h| f64::from(Hypothesis(h) == object.hypotheses.chosen));
+        return (std::array::from_fn(|h| f64::from(Hypothesis(h) == object.hypotheses.chosen)), 0.0);
     }
     let odds = logs.map(|log| (log - most).exp());
     let sum: f64 = odds.iter().sum();
-    odds.map(|x| x / sum)
+    (odds.map(|x| x / sum), most + sum.ln())
+}
+
+/// The posteriors of all objects, by their evidence and the frequencies among the others (expectation and maximization), and the logarithm
+/// of the probability of the scene. Without `learns_upright` no object is upright but by its category.
+fn posteriors(objects: &[Object], any_family: bool, learns_upright: bool) -> (Vec<Posterior>, f64) {
+    let count = objects.len() as f64;
+    let first: Posterior = std::array::from_fn(|h| 0.5 * FIRST_FAMILIES[h % Family::ALL.len()]);
+    let mut posteriors = vec![first; objects.len()];
+    let mut log_probability = 0.0;
+    for round in 0..MAX_ROUNDS {
+        let total = sum(&posteriors);
+        let mut change = 0.0f64;
+        log_probability = 0.0;
+        for (object, own) in objects.iter().zip(&mut posteriors) {
+            let families: [f64; 4] = std::array::from_fn(|k| {
+                let others = family_part(&total, k) - family_part(own, k);
+                if any_family { ((others + FIRST_FAMILIES[k]) / count).max(1e-12).ln() } else { 0.0 }
+            });
+            let others = upright_part(&total) - upright_part(own);
+            let learned = (others + UPRIGHT_OBJECTS) / (count + PRIOR_OBJECTS - 1.0);
+            let upright = object.upright_share.unwrap_or(if learns_upright { learned } else { 0.0 });
+            let (new, log_sum) = posterior(object, &log_priors(&families, upright));
+            change = (0..HYPOTHESES).map(|h| (new[h] - own[h]).abs()).fold(change, f64::max);
+            *own = new;
+            log_probability += log_sum;
+        }
+        if round > 1 && change < MIN_CHANGE {
+            break;
+        }
+    }
+    (posteriors, log_probability)
 }
 
 /// Chooses a hypothesis for each object, by its evidence and the frequencies among the others (expectation and maximization); returns
@@ -47,25 +82,12 @@ fn posterior(object: &Object, log_priors: &[f64; HYPOTHESES]) -> Posterior {
 pub(super) fn choose(objects: &mut [Object], family: Option<Family>, conditions: &mut Conditions) -> Shares {
     let count = objects.len() as f64;
     let any_family = family.is_none();
-    let first: Posterior = std::array::from_fn(|h| 0.5 * FIRST_FAMILIES[h % Family::ALL.len()]);
-    let mut posteriors = vec![first; objects.len()];
-    for round in 0..MAX_ROUNDS {
-        let total = sum(&posteriors);
-        let mut change = 0.0f64;
-        for (object, own) in objects.iter().zip(&mut posteriors) {
-            let families: [f64; 4] = std::array::from_fn(|k| {
-                let others = family_part(&total, k) - family_part(own, k);
-                if any_family { ((others + FIRST_FAMILIES[k]) / count).max(1e-12).ln() } else { 0.0 }
-            });
-            let others = upright_part(&total) - upright_part(own);
-            let upright = object.upright_share.unwrap_or((others + UPRIGHT_OBJECTS) / (count + PRIOR_OBJECTS - 1.0));
-            let new = posterior(object, &log_priors(&families, upright));
-            change = (0..HYPOTHESES).map(|h| (new[h] - own[h]).abs()).fold(change, f64::max);
-            *own = new;
-        }
-        if round > 1 && change < MIN_CHANGE {
-            break;
-        }
+    let (mut posteriors, log_probability) = self::posteriors(objects, any_family, true);
+    // The share of upright objects is a parameter that the scene must pay for: where views do not tell, none is.
+    let (without, without_log_probability) = self::posteriors(objects, any_family, false);
+    let learns_upright = log_probability - without_log_probability > 0.5 * count.ln() + MIN_UPRIGHT_GAIN * count;
+    if !learns_upright {
+        posteriors = without;
     }
     for (object, own) in objects.iter_mut().zip(&posteriors) {
         choose_one(object, own);
@@ -75,7 +97,8 @@ pub(super) fn choose(objects: &mut [Object], family: Option<Family>, conditions:
     let families = std::array::from_fn(|k| {
         if any_family { ((family_part(&total, k) + FIRST_FAMILIES[k]) / (count + 1.0)).ln() } else { 0.0 }
     });
-    Shares { families, upright: (upright_part(&total) + UPRIGHT_OBJECTS) / (count + PRIOR_OBJECTS) }
+    let upright = (upright_part(&total) + UPRIGHT_OBJECTS) / (count + PRIOR_OBJECTS);
+    Shares { families, upright: if learns_upright { upright } else { 0.0 } }
 }
 
 fn sum(posteriors: &[Posterior]) -> Posterior {
@@ -120,6 +143,9 @@ pub(super) fn shares_of_chosen(objects: &[Object], family: Option<Family>) -> Sh
         |is: &dyn Fn(Hypothesis) -> bool| objects.iter().filter(|object| is(object.hypotheses.chosen)).count() as f64;
     let of = |k: usize| (chosen(&|h| h.family() == Family::ALL[k]) + FIRST_FAMILIES[k]) / (count + 1.0);
     let families = std::array::from_fn(|k| if family.is_some() { 0.0 } else { of(k).ln() });
-    let upright = (chosen(&|h| h.is_upright()) + UPRIGHT_OBJECTS) / (count + PRIOR_OBJECTS);
+    let upright = match chosen(&|h| h.is_upright()) {
+        0.0 => 0.0,
+        some => (some + UPRIGHT_OBJECTS) / (count + PRIOR_OBJECTS),
+    };
     Shares { families, upright }
 }

@@ -32,6 +32,8 @@ pub(super) const FIRST_CUBOID_SHARE: [f64; 2] = [0.35, 12.0];
 pub(super) struct Conditions {
     /// Standard deviations of edges in half sizes times `f(s)`: free ones, occluded ones.
     pub noise: [f64; 2],
+    /// Correlation of the errors of opposite edges, in the image: that of boxes that are shifted is positive.
+    pub opposite_correlation: f64,
     /// Share of wrong boxes.
     pub wrong_share: f64,
     /// Weight of a view beside its neighbors, whose errors are alike; in [0, 1].
@@ -47,6 +49,7 @@ impl Conditions {
     pub(super) fn first(noise: f64, shape_sd: f64) -> Self {
         Self {
             noise: [noise, OCCLUDED_RATIO * noise],
+            opposite_correlation: 0.0,
             wrong_share: FIRST_WRONG_SHARE,
             view_weight: 1.0,
             shape_sd,

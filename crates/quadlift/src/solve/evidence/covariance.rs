@@ -8,6 +8,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::conditions::{Conditions, DOF};
 use super::fit::{Workspace, linearize};
+use super::lanes::Lanes;
 use super::log_evidence::ROTATION_PRECISION;
 use super::object::Object;
 use super::prior::prior;
@@ -109,8 +110,22 @@ impl Information {
             let at = &work.views[index];
             let inverse_depth = view.inverse_depth(&center);
             let support = body.support4(&view.normal, view.length).0;
-            let sd = view.sd(&conditions.noise);
+            let sd = view.sd(conditions);
             let drift = drift_orders(view.frame as f64, frames);
+            let of_edges: [EffectVector; 4] = std::array::from_fn(|edge| {
+                let mut effect = EffectVector::zeros();
+                for k in 0..FIELD {
+                    effect[k] = field[4 * index + edge][k] * support.0[edge] * inverse_depth;
+                }
+                effect[FIELD + edge] = 1.0 / view.size_factor;
+                // Both edges of an axis move together.
+                let side = if edge < 2 { -1.0 } else { 1.0 };
+                for (order, x) in drift.iter().enumerate() {
+                    effect[FIELD + SIDES + 3 * (edge % 2) + order] = side * x;
+                }
+                effect
+            });
+            let [own, opposite] = view.factors(Lanes::splat(1.0));
             for edge in 0..4 {
                 let residual = at.residual.0[edge];
                 if view.truncated[edge] && residual <= 0.0 {
@@ -118,16 +133,7 @@ impl Information {
                 }
                 let root = at.weight.0[edge].sqrt();
                 let scale = root / sd.0[edge];
-                let mut effect = EffectVector::zeros();
-                for k in 0..FIELD {
-                    effect[k] = field[4 * index + edge][k] * support.0[edge] * inverse_depth * scale;
-                }
-                effect[FIELD + edge] = scale / view.size_factor;
-                // Both edges of an axis move together.
-                let side = if edge < 2 { -scale } else { scale };
-                for (order, x) in drift.iter().enumerate() {
-                    effect[FIELD + SIDES + 3 * (edge % 2) + order] = side * x;
-                }
+                let effect = (of_edges[edge] * own.0[edge] + of_edges[(edge + 2) % 4] * opposite.0[edge]) * scale;
                 let row = Step::from_fn(|k, _| work.slopes[index][k].0[edge]);
                 let weighted = residual * root;
                 gradient += effect * weighted;

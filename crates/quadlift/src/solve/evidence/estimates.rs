@@ -62,7 +62,7 @@ fn goodness_of_fit(object: &Object, conditions: &Conditions, work: &mut Workspac
     residuals(&object.rows, &fit.body, conditions, work);
     let (mut squares, mut relative, mut rows) = (0.0, 0.0, 0.0);
     for (view, at) in object.rows.views.iter().zip(&work.views) {
-        let sd = view.sd(&conditions.noise) * view.size_factor;
+        let sd = view.sd(conditions) * view.size_factor;
         for edge in (0..4).filter(|&edge| at.residual.0[edge] != 0.0) {
             let squared = at.residual.0[edge].powi(2);
             squares += at.weight.0[edge] * squared;

@@ -7,7 +7,7 @@
 use std::f64::consts::TAU;
 
 use super::conditions::{CLUTTER_RANGE, Conditions, DOF};
-use super::lanes::Lanes;
+use super::lanes::{Lanes, dot};
 use super::prior::prior;
 use super::rows::{Rows, ViewRows};
 use super::solid::{Solid, Step};
@@ -42,10 +42,10 @@ pub(super) struct Workspace {
 }
 
 /// Density of a wrong box over the peak of a right one's, for the edges of a view that count.
-pub(super) fn clutter(view: &ViewRows, noise: &[f64; 2]) -> f64 {
-    let mut density = 1.0;
+pub(super) fn clutter(view: &ViewRows, conditions: &Conditions) -> f64 {
+    let mut density = (1.0 - conditions.opposite_correlation.powi(2)).sqrt().powi(view.pairs());
     for group in 0..2 {
-        let of_edge = (TAU.sqrt() / CLUTTER_RANGE * noise[group] * view.size_factor).min(MAX_CLUTTER);
+        let of_edge = (TAU.sqrt() / CLUTTER_RANGE * conditions.noise[group] * view.size_factor).min(MAX_CLUTTER);
         for _ in 0..view.two_sided[group] {
             density *= of_edge;
         }
@@ -66,10 +66,11 @@ fn evaluate<const SLOPES: bool>(rows: &Rows, body: &Solid, conditions: &Conditio
     for (index, view) in rows.views.iter().enumerate() {
         let (support, support_slopes) = body.support4(&view.normal, view.length);
         let inverse_depth = view.inverse_depth(&center);
-        let n = &view.normal;
-        let distance = n[0] * center[0] + n[1] * center[1] + n[2] * center[2] + view.offset - support;
+        let n = &view.residual_normal;
+        let support = view.of_residuals(support);
+        let distance = dot(n, &center) + view.residual_offset - support;
         let error = distance * inverse_depth;
-        let mut scale = view.sd(&conditions.noise).inverse();
+        let mut scale = view.sd(conditions).inverse();
         for edge in 0..4 {
             // A body that reaches beyond the image border agrees with it.
             if view.truncated[edge] && error.0[edge] < 0.0 {
@@ -81,7 +82,7 @@ fn evaluate<const SLOPES: bool>(rows: &Rows, body: &Solid, conditions: &Conditio
         let tails = tail.product();
         let squared = tails * tails;
         let right = (1.0 - conditions.wrong_share) / (squared * squared * tails);
-        let likelihood = right + conditions.wrong_share * clutter(view, &conditions.noise);
+        let likelihood = right + conditions.wrong_share * clutter(view, conditions);
         let probability = right / likelihood;
         let weight = Lanes::splat(probability * (DOF + 1.0) / DOF) / tail;
         work.views[index] = ViewResiduals { residual, weight, probability };
@@ -93,7 +94,7 @@ fn evaluate<const SLOPES: bool>(rows: &Rows, body: &Solid, conditions: &Conditio
             }
             let factor = factor * -1.0;
             for k in 0..6 {
-                slopes[3 + k] = support_slopes[k] * factor;
+                slopes[3 + k] = view.of_residuals(support_slopes[k]) * factor;
             }
         }
         product *= likelihood;

@@ -60,6 +60,13 @@ impl Lanes {
         Self::splat(1.0) / self
     }
 
+    /// The number of the opposite edge.
+    #[inline(always)]
+    pub(super) fn opposite(self) -> Self {
+        let x = self.0;
+        Self([x[2], x[3], x[0], x[1]])
+    }
+
     #[inline(always)]
     pub(super) fn sum(self) -> f64 {
         let x = self.0;

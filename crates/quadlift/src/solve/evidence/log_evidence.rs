@@ -49,7 +49,7 @@ pub(super) fn log_evidence(rows: &Rows, fit: &Fit, conditions: &Conditions, work
     let log_density = add_flat_priors(body, &mut hessian, conditions.shape_sd);
     let log_scale: f64 = (rows.views.iter())
         .flat_map(|view| {
-            let sd = view.sd(&conditions.noise);
+            let sd = view.sd(conditions);
             (0..4).filter(|&edge| !view.truncated[edge]).map(move |edge| sd.0[edge].ln())
         })
         .sum();
@@ -144,7 +144,7 @@ pub(super) fn log_likelihood_over_variance(rows: &Rows, conditions: &Conditions,
             let tails = tail.product();
             let squared = tails * tails;
             let right = (1.0 - conditions.wrong_share) * scale / (squared * squared * tails);
-            let likelihood = right + conditions.wrong_share * clutter(view, &conditions.noise);
+            let likelihood = right + conditions.wrong_share * clutter(view, conditions);
             slope += right / likelihood * (0.5 * (DOF + 1.0) * (x / tail).sum() - 0.5 * f64::from(count));
             product *= likelihood;
             if product < 1e-200 {

@@ -1,5 +1,4 @@
-//! The next estimator of scenes of boxes, beside the default one: one likelihood, one scan over rotations, one evidence (docs/method.md,
-//! section 24).
+//! The estimator of scenes of boxes: one likelihood, one scan over rotations, one evidence (docs/method.md, section 24).
 //!
 //! Each box gives four planes that touch the body ([`rows`]). A view shows its object, with Student's t of each edge, or it is a wrong box
 //! ([`fit`]). An ellipsoid is fitted from a sphere ([`spheres`], [`search`]); from its weights the scan finds cuboids and cylinders of any

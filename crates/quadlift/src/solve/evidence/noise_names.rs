@@ -7,7 +7,7 @@ use super::covariance::Systematic;
 use super::shares::Shares;
 use super::solid::Family;
 use crate::solve::noise_model::{
-    COMMON_NAMES, CORRELATION_NAMES, NoiseModel, SHARE_NAMES, SPREAD_NAMES, SYSTEMATIC_NAMES,
+    COMMON_NAMES, CORRELATION_NAMES, NoiseModel, OPPOSITE_CORRELATION_NAME, SHARE_NAMES, SPREAD_NAMES, SYSTEMATIC_NAMES,
 };
 
 /// Everything that the objects of a scene share.
@@ -31,6 +31,7 @@ impl Shared {
             ("edge_noise", free),
             ("edge_noise_px", free * pixel_noise_size),
             (CORRELATION_NAMES[0], (1.0 - weight) / (1.0 + weight)),
+            (OPPOSITE_CORRELATION_NAME, conditions.opposite_correlation),
             (SPREAD_NAMES[1], systematic.spread),
             // For who takes the errors that the views of an object share in units of the noise, such as relocalization.
             (COMMON_NAMES[0], systematic.field.hypot(systematic.side) / conditions.noise[0]),
@@ -63,6 +64,7 @@ impl Shared {
         Self {
             conditions: Conditions {
                 noise,
+                opposite_correlation: or(OPPOSITE_CORRELATION_NAME, 0.0),
                 wrong_share: or(SHARE_NAMES[0], FIRST_WRONG_SHARE),
                 view_weight: (1.0 - correlation) / (1.0 + correlation),
                 cuboid_share,

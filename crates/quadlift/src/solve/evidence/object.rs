@@ -119,7 +119,7 @@ const MIN_CANDIDATE_ODDS: f64 = -5.0;
 const MIN_SWAP_LOG_ODDS: f64 = 1.0;
 
 /// The end.
-const LAST: Termination = Termination::new(1e-4, 40);
+const LAST: Termination = Termination::new(1e-4, 200);
 
 /// Alternatives that are kept.
 const MAX_ALTERNATIVES: usize = 8;
@@ -292,15 +292,11 @@ impl Object {
                 Family::Rounded => {
                     let known = self.fit_of(Hypothesis::of(Family::Cuboid, h.is_upright())).copied();
                     // Where rounded bodies are asked for there are no cuboids to start from.
-                    let cuboid = match plan.family {
-                        None => known,
-                        Some(_) => search_angular(rows, Family::Cuboid, &ellipsoid.body, up, conditions, effort, work)
-                            .into_iter()
-                            .next(),
+                    let cuboids = match plan.family {
+                        None => Vec::from_iter(known),
+                        Some(_) => search_angular(rows, Family::Cuboid, &ellipsoid.body, up, conditions, effort, work),
                     };
-                    let cuboid = cuboid.as_ref();
-                    let margin = effort.family_margin;
-                    Vec::from_iter(search_rounded(rows, &ellipsoid, cuboid, up, conditions, margin, work))
+                    search_rounded(rows, &ellipsoid, &cuboids, up, conditions, effort.family_margin, work)
                 }
                 family => search_angular(rows, family, &ellipsoid.body, up, conditions, effort, work),
             };
@@ -403,8 +399,11 @@ impl Object {
         found.sort_by(|a, b| b.2.total_cmp(&a.2));
         let better = found.first().copied().filter(|(.., log_odds)| *log_odds > MIN_SWAP_LOG_ODDS);
         let better_by = better.map_or(0.0, |(.., log_odds)| log_odds);
-        let mut alternatives: Vec<(Solid, f64)> =
-            found.iter().skip(usize::from(better.is_some())).map(|(_, one, odds)| (one.body, odds - better_by)).collect();
+        let mut alternatives: Vec<(Solid, f64)> = found
+            .iter()
+            .skip(usize::from(better.is_some()))
+            .map(|(_, one, odds)| (one.body, odds - better_by))
+            .collect();
         if let Some((h, better, log_odds)) = better {
             alternatives.push((fit.body, -log_odds));
             alternatives.retain(|(_, log_odds)| *log_odds > MIN_LOG_ODDS);

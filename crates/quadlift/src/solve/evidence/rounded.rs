@@ -25,14 +25,15 @@ fn share_step(rows: &Rows, fit: &Fit, conditions: &Conditions, work: &mut Worksp
     let (mut gradient, mut curvature, mut cross) = (0.0, 0.0, Step::zeros());
     for (index, view) in rows.views.iter().enumerate() {
         let at = &work.views[index];
-        let mut scale = view.sd(&conditions.noise).inverse();
+        let mut scale = view.sd(conditions).inverse();
         for edge in 0..4 {
             if view.truncated[edge] && at.residual.0[edge] <= 0.0 {
                 scale.0[edge] = 0.0;
             }
         }
         let root = at.weight.sqrt();
-        let slope = fit.body.share_slope4(&view.normal, view.length) * scale * root * -view.inverse_depth(&center);
+        let slope = view.of_residuals(fit.body.share_slope4(&view.normal, view.length));
+        let slope = slope * scale * root * -view.inverse_depth(&center);
         gradient += (slope * at.residual * root).sum();
         curvature += (slope * slope).sum();
         for k in 0..PARAMETERS {

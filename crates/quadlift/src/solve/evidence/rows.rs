@@ -3,12 +3,17 @@
 //! Each edge of a box gives a plane through the camera that touches the body: with normal n and offset d (positive on the
 //! side of the body) and the support function h, `n . c + d - h(n) = 0`. Planes are divided by the depth of the frame's origin,
 //! the half size s of the box and `f(s)`, `f^2 = (1 + (s_0 / s)^2) / 2`, so that a residual is the error of an edge in half
-//! sizes, and small boxes have larger errors. The origin is the center of the first sphere ([`super::spheres`]), the unit its
+//! sizes, and small boxes have larger errors. Where both opposite edges are free, their residuals are replaced by their difference and sum
+//! over the root of 2, the shift and the size of the box, which have noise levels of their own: poses that are a little wrong shift boxes,
+//! and leave their sizes. The origin is the center of the first sphere ([`super::spheres`]), the unit its
 //! radius; the axes are those of the world.
+
+use std::f64::consts::FRAC_1_SQRT_2;
 
 use nalgebra::{Point3, Vector3};
 
 use super::box_planes::BoxPlanes;
+use super::conditions::Conditions;
 use super::lanes::Lanes;
 use super::spheres::{Sphere, agreeing_spheres};
 use crate::scene::View;
@@ -16,9 +21,16 @@ use crate::scene::View;
 /// The planes of one view.
 #[derive(Debug, Clone)]
 pub(super) struct ViewRows {
-    /// Components of the normals.
+    /// Components of the normals of the edges.
     pub normal: [Lanes; 3],
-    pub offset: Lanes,
+    /// The same, and offsets, of the residuals: see [`Self::of_residuals`].
+    pub residual_normal: [Lanes; 3],
+    pub residual_offset: Lanes,
+    /// Factors of an edge and of the opposite one in a residual.
+    own: Lanes,
+    opposite: Lanes,
+    /// One for the residuals that are shifts, minus one for sizes.
+    shift: Lanes,
     /// Lengths of the normals.
     pub length: Lanes,
     /// The depth of a point x is `1 + depth_slope . x` times that of the origin.
@@ -45,10 +57,34 @@ impl ViewRows {
         usize::from(self.occluded[edge])
     }
 
-    /// Standard deviations of the edges under these noise levels.
+    /// Standard deviations of the residuals under these conditions.
     #[inline(always)]
-    pub(super) fn sd(&self, noise: &[f64; 2]) -> Lanes {
-        Lanes::splat(noise[0]) + self.occluded_lanes * (noise[1] - noise[0])
+    pub(super) fn sd(&self, conditions: &Conditions) -> Lanes {
+        let [free, occluded] = conditions.noise;
+        let correlated = Lanes::splat(1.0) + self.shift * conditions.opposite_correlation;
+        correlated.sqrt() * free + self.occluded_lanes * (occluded - free)
+    }
+
+    /// What belongs to edges, as what belongs to residuals.
+    #[inline(always)]
+    pub(super) fn of_residuals(&self, of_edges: Lanes) -> Lanes {
+        of_edges * self.own + of_edges.opposite() * self.opposite
+    }
+
+    /// The same, for factors on the residuals: those on an edge and on the opposite one.
+    #[inline(always)]
+    pub(super) fn factors(&self, of_residuals: Lanes) -> [Lanes; 2] {
+        [self.own * of_residuals, self.opposite * of_residuals]
+    }
+
+    /// Pairs of edges whose shift and size are residuals.
+    pub(super) fn pairs(&self) -> i32 {
+        i32::from(self.shift.0[0] != 0.0) + i32::from(self.shift.0[1] != 0.0)
+    }
+
+    /// Whether a residual is a shift (1), a size (-1) or an edge (0).
+    pub(super) fn shift_of(&self, residual: usize) -> f64 {
+        self.shift.0[residual]
     }
 
     /// The factor from residuals at the origin to residuals at `center`.
@@ -120,9 +156,24 @@ fn rows_of(planes: &BoxPlanes, frame: &Sphere, pixel_noise_size: f64) -> Option<
     for edge in (0..4).filter(|&edge| !planes.truncated[edge]) {
         two_sided[usize::from(planes.occluded[edge])] += 1;
     }
+    let is_free = |edge: usize| !planes.truncated[edge] && !planes.occluded[edge];
+    let is_paired = |edge: usize| is_free(edge) && is_free((edge + 2) % 4);
+    let shift: [f64; 4] = std::array::from_fn(|edge| match (is_paired(edge), edge < 2) {
+        (false, _) => 0.0,
+        (true, true) => 1.0,
+        (true, false) => -1.0,
+    });
+    let own = Lanes(shift.map(|shift| if shift == 0.0 { 1.0 } else { FRAC_1_SQRT_2 }));
+    let opposite = Lanes(shift.map(|shift| -shift * FRAC_1_SQRT_2));
+    let of_residuals = |x: Lanes| x * own + x.opposite() * opposite;
+    let normal = std::array::from_fn(|k| Lanes(std::array::from_fn(|edge| planes.normal[edge][k] * scaled)));
     Some(ViewRows {
-        normal: std::array::from_fn(|k| Lanes(std::array::from_fn(|edge| planes.normal[edge][k] * scaled))),
-        offset: Lanes(std::array::from_fn(at_origin)),
+        normal,
+        residual_normal: normal.map(of_residuals),
+        residual_offset: of_residuals(Lanes(std::array::from_fn(at_origin))),
+        own,
+        opposite,
+        shift: Lanes(shift),
         length: Lanes(std::array::from_fn(|edge| planes.normal[edge].norm() * scaled)),
         depth_slope: (planes.axis * (frame.radius / depth)).into(),
         truncated: planes.truncated,

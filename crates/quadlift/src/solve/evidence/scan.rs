@@ -25,10 +25,28 @@ pub(super) struct Scanned<const N: usize> {
     pub half_extents: [f64; N],
 }
 
+/// The rows of one view.
+struct LinearView {
+    /// Normals of the edges.
+    edge_normal: [Lanes; 3],
+    /// Factors, with the root of the weight, of an edge and of the opposite one in a residual.
+    factors: [Lanes; 2],
+    /// Normals and offsets of the residuals times the root of their weight.
+    normal: [Lanes; 3],
+    offset: Lanes,
+}
+
+impl LinearView {
+    /// A support of the edges, as the weighted residuals have it.
+    #[inline(always)]
+    fn weighted(&self, of_edges: Lanes) -> Lanes {
+        of_edges * self.factors[0] + of_edges.opposite() * self.factors[1]
+    }
+}
+
 /// Weighted rows of an object, with the center eliminated.
 pub(super) struct LinearRows {
-    /// Normals and offsets of each view times the root of their weight.
-    views: Vec<([Lanes; 3], Lanes)>,
+    views: Vec<LinearView>,
     /// Sums of n n^T, of n d and of d^2.
     normals: Matrix3<f64>,
     by_offset: Vector3<f64>,
@@ -53,14 +71,14 @@ impl LinearRows {
         let center: [f64; 3] = ellipsoid.center.into();
         for (view, at) in rows.views.iter().zip(&work.views) {
             let inverse_depth = view.inverse_depth(&center);
-            let sd = view.sd(&conditions.noise);
+            let sd = view.sd(conditions);
             let factor = Lanes(std::array::from_fn(|edge| {
                 if view.truncated[edge] && at.residual.0[edge] <= 0.0 {
                     return 0.0;
                 }
                 inverse_depth / sd.0[edge] * (at.weight.0[edge] * conditions.view_weight).sqrt()
             }));
-            let (n, d) = (view.normal.map(|n| n * factor), view.offset * factor);
+            let (n, d) = (view.residual_normal.map(|n| n * factor), view.residual_offset * factor);
             for i in 0..3 {
                 for j in 0..=i {
                     linear.normals[(i, j)] += (n[i] * n[j]).sum();
@@ -68,7 +86,8 @@ impl LinearRows {
                 linear.by_offset[i] += (n[i] * d).sum();
             }
             linear.offsets += (d * d).sum();
-            linear.views.push((n, d));
+            let factors = view.factors(factor);
+            linear.views.push(LinearView { edge_normal: view.normal, factors, normal: n, offset: d });
         }
         linear.normals.fill_upper_triangle_with_lower_triangle();
         let jitter = 1e-6 * linear.normals.trace() + 1e-9;
@@ -81,22 +100,22 @@ impl LinearRows {
     pub(super) fn cuboid(&self, axes: &Matrix3<f64>) -> Scanned<3> {
         let columns = axes.data.0;
         let mut by_normal = [[Lanes::ZERO; 3]; 3];
-        let mut products = [Lanes::ZERO; 3];
+        let (mut squares_of, mut products) = ([Lanes::ZERO; 3], [Lanes::ZERO; 3]);
         let mut by_offset = [Lanes::ZERO; 3];
-        for (n, d) in &self.views {
-            let v = [0, 1, 2].map(|k| dot(n, &columns[k]).map(f64::abs));
+        for view in &self.views {
+            let v = [0, 1, 2].map(|k| view.weighted(dot(&view.edge_normal, &columns[k]).map(f64::abs)));
             for i in 0..3 {
                 for j in 0..3 {
-                    by_normal[i][j] = by_normal[i][j] + v[i] * n[j];
+                    by_normal[i][j] = by_normal[i][j] + v[i] * view.normal[j];
                 }
-                by_offset[i] = by_offset[i] + v[i] * *d;
+                by_offset[i] = by_offset[i] + v[i] * view.offset;
+                squares_of[i] = squares_of[i] + v[i] * v[i];
                 products[i] = products[i] + v[(i + 1) % 3] * v[(i + 2) % 3];
             }
         }
         let mut squares = Matrix3::zeros();
         for k in 0..3 {
-            let axis = axes.column(k);
-            squares[(k, k)] = axis.dot(&(self.normals * axis));
+            squares[(k, k)] = squares_of[k].sum();
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);
             squares[(i, j)] = products[k].sum();
             squares[(j, i)] = squares[(i, j)];
@@ -113,23 +132,25 @@ impl LinearRows {
     pub(super) fn cylinder(&self, axis: &Vector3<f64>) -> Scanned<2> {
         let u: [f64; 3] = (*axis).into();
         let mut by_normal = [[Lanes::ZERO; 3]; 2];
-        let (mut product, mut by_offset) = (Lanes::ZERO, [Lanes::ZERO; 2]);
-        for (n, d) in &self.views {
+        let (mut squares_of, mut product, mut by_offset) = ([Lanes::ZERO; 2], Lanes::ZERO, [Lanes::ZERO; 2]);
+        for view in &self.views {
+            let n = &view.edge_normal;
             let along = dot(n, &u).map(f64::abs);
             let squared = n[0] * n[0] + n[1] * n[1] + n[2] * n[2] - along * along;
             let across = squared.map(|x| x.max(0.0)).sqrt();
-            for (k, v) in [across, along].into_iter().enumerate() {
+            let v = [across, along].map(|support| view.weighted(support));
+            for k in 0..2 {
                 for j in 0..3 {
-                    by_normal[k][j] = by_normal[k][j] + v * n[j];
+                    by_normal[k][j] = by_normal[k][j] + v[k] * view.normal[j];
                 }
-                by_offset[k] = by_offset[k] + v * *d;
+                by_offset[k] = by_offset[k] + v[k] * view.offset;
+                squares_of[k] = squares_of[k] + v[k] * v[k];
             }
-            product = product + along * across;
+            product = product + v[0] * v[1];
         }
-        let along = axis.dot(&(self.normals * axis));
         let ridge = self.ridge * 2.0 / 3.0;
         let product = product.sum() - ridge;
-        let squares = Matrix2::new(self.normals.trace() - along + ridge, product, product, along + ridge);
+        let squares = Matrix2::new(squares_of[0].sum() + ridge, product, product, squares_of[1].sum() + ridge);
         let by_normal = SMatrix::<f64, 2, 3>::from_fn(|i, j| by_normal[i][j].sum());
         let (normal, right) = self.eliminated(squares, &by_normal, by_offset.map(Lanes::sum).into());
         self.scanned(&normal, &right, &by_normal, bounded2(&normal, &right))

@@ -148,7 +148,8 @@ impl<'a> SceneFit<'a> {
                 return;
             }
             conditions = conditions.at(self.conditions.noise[0] * step.exp());
-            if step.abs() < MIN_LEVEL_CHANGE {
+            let turned = conditions.opposite_correlation.atanh() - self.conditions.opposite_correlation.atanh();
+            if step.abs() < MIN_LEVEL_CHANGE && turned.abs() < MIN_LEVEL_CHANGE {
                 self.conditions = conditions;
                 return;
             }

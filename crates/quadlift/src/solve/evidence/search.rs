@@ -257,33 +257,28 @@ fn keep_distinct(fits: &mut Vec<Fit>, count: usize, margin: f64) {
 pub(super) fn search_rounded(
     rows: &Rows,
     ellipsoid: &Fit,
-    cuboid: Option<&Fit>,
+    cuboids: &[Fit],
     up: Option<Vector3<f64>>,
     conditions: &Conditions,
     margin: f64,
     work: &mut Workspace,
-) -> Option<Fit> {
+) -> Vec<Fit> {
     let [share, _] = conditions.cuboid_share;
     let as_rounded = |body: &Solid, scale: f64| {
         let half_extents = body.half_extents * scale;
         Solid { family: Family::Rounded, half_extents, cuboid_share: share, up, ..*body }
     };
-    // As large as the ellipsoid, whose support the cuboid's part exceeds; and as the cuboid.
+    // As large as the ellipsoid, whose support the cuboid's part exceeds; and as the cuboids.
     let mut starts = vec![with_vertical_last(as_rounded(&ellipsoid.body, 1.0 - 0.4 * share))];
-    starts.extend(cuboid.map(|fit| as_rounded(&fit.body, 1.25)));
-    let least = cuboid.map_or(f64::INFINITY, |fit| fit.equations.cost).min(ellipsoid.equations.cost);
-    let mut best: Option<Fit> = None;
-    for start in starts {
-        let fit = minimize(rows, &start, conditions, Termination::new(0.5, 2), work);
-        if expected_cost(&fit) > least + margin {
-            continue;
-        }
-        let fit = fit_rounded(rows, &fit.body, conditions, 3, work);
-        if best.as_ref().is_none_or(|best| fit.equations.cost < best.equations.cost) {
-            best = Some(fit);
-        }
-    }
-    best
+    starts.extend(cuboids.iter().map(|fit| as_rounded(&fit.body, 1.25)));
+    let costs = cuboids.iter().map(|fit| fit.equations.cost);
+    let least = costs.fold(ellipsoid.equations.cost, f64::min);
+    let started = starts.iter().map(|start| minimize(rows, start, conditions, Termination::new(0.5, 2), work));
+    let started: Vec<Fit> = started.collect();
+    let may_be = started.iter().filter(|fit| expected_cost(fit) <= least + margin);
+    let mut fits: Vec<Fit> = may_be.map(|fit| fit_rounded(rows, &fit.body, conditions, 3, work)).collect();
+    sort_by_cost(&mut fits);
+    fits
 }
 
 /// The same body with its most vertical axis as the third, if it is upright.

@@ -90,7 +90,7 @@ fn gradients_of_the_likelihood_are_those_of_differences() {
         views[2].cut_off = [true, false, false, false];
         views[3].occluded_edges = [false, false, true, false];
         let rows = Rows::new(&views, 67.0).unwrap();
-        let conditions = Conditions { view_weight: 0.7, ..Conditions::first(0.05, 0.4) };
+        let conditions = Conditions { view_weight: 0.7, opposite_correlation: 0.6, ..Conditions::first(0.05, 0.4) };
         let mut work = Workspace::default();
         let mut at = in_frame(&body, &rows);
         at.center += Vector3::new(0.03, 0.02, -0.04);
