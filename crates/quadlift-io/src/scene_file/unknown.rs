@@ -179,9 +179,9 @@ impl Visitor<'_> for FieldVisitor {
     }
 }
 
-/// Whether a field of an object holds a body.
+/// Whether a field of an object holds a body or bounds.
 fn is_body(name: &str) -> bool {
-    ["body", "enclosing"].contains(&name) || BodyKind::ALL.iter().any(|known| known.name() == name)
+    ["body", "bounds", "enclosing"].contains(&name) || BodyKind::ALL.iter().any(|known| known.name() == name)
 }
 
 #[cfg(test)]
@@ -212,7 +212,7 @@ mod tests {
     fn what_is_known_does_not_count() {
         let made = SyntheticOptions { objects: 3, views: 6, observations: Observations::Boxes, ..Default::default() };
         let scene = generate(&made).unwrap().scene;
-        for kind in BodyKind::ALL {
+        for kind in BodyKind::FITTED {
             let mut options = quadlift::LocalizeOptions::default();
             options.method.posterior_options_mut().unwrap().body = Some(kind);
             options.cross_validation.extent = quadlift::cross_validation::Extent::All;
