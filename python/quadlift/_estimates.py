@@ -372,9 +372,9 @@ class EstimateArrays:
         Returns
         -------
         pandas.DataFrame
-            Columns `object`, `category`, `kind`, `center_x` to `center_z`, `half_extent_1` to `_3`, `half_extent_1_sd`
-            to `_3_sd`, `bounds_half_extent_1` to `_3`, `yaw_deg`, `yaw_sd_deg`, `center_sd`, `views`, `status` and `warnings` (one text). Yaws are
-            about the scene's ``up``, NaN without it.
+            Columns `object`, `category`, `kind`, `center_x` to `center_z`, `half_extent_1` to `_3`,
+            `half_extent_1_sd` to `_3_sd`, `bounds_half_extent_1` to `_3`, `yaw_deg`, `yaw_sd_deg`, `center_sd`,
+            `views`, `status` and `warnings` (one text). Yaws are about the scene's ``up``, NaN without it.
         """
         try:
             import pandas as pd
@@ -402,8 +402,9 @@ class EstimateArrays:
         -------
         pyarrow.Table
             Columns `object`, `category`, `status`, `kind`, `center`, `half_extents`, `half_extents_sd`, `quaternion`,
-            `bounds_center`, `bounds_half_extents`, `bounds_half_extents_sd`, `bounds_quaternion` and `covariance` (lists of
-            3, 3, 3, 4, 3, 3, 3, 4 and 81 numbers; null for none), `center_sd`, `views_used`, `rms_residual_px`.
+            `bounds_center`, `bounds_half_extents`, `bounds_half_extents_sd`, `bounds_quaternion` and `covariance`
+            (lists of 3, 3, 3, 4, 3, 3, 3, 4 and 81 numbers; null for none), `center_sd`, `views_used`,
+            `rms_residual_px`.
         """
         from ._arrow import pa
 
