@@ -23,6 +23,10 @@ _SHAPES = {
     "centers": (3,),
     "half_extents": (3,),
     "half_extents_sd": (3,),
+    "bounds_centers": (3,),
+    "bounds_half_extents": (3,),
+    "bounds_half_extents_sd": (3,),
+    "bounds_quaternions": (4,),
     "rotation_sd_deg": (2,),
     "quaternions": (4,),
     "rotations": (3, 3),
@@ -90,6 +94,8 @@ class Estimate:
     rotation : ndarray, shape (3, 3)
     rotation_sd_deg : ndarray, shape (2,)
     yaw_deg : float
+    bounds_center, bounds_half_extents, bounds_half_extents_sd : ndarray, shape (3,)
+    bounds_quaternion : ndarray, shape (4,)
     covariance : ndarray, shape (9, 9)
     covariance_coordinates : str or None
     center_sd : float
@@ -112,6 +118,10 @@ class Estimate:
     rotation: NDArray[np.float64]
     rotation_sd_deg: NDArray[np.float64]
     yaw_deg: float
+    bounds_center: NDArray[np.float64]
+    bounds_half_extents: NDArray[np.float64]
+    bounds_half_extents_sd: NDArray[np.float64]
+    bounds_quaternion: NDArray[np.float64]
     covariance: NDArray[np.float64]
     covariance_coordinates: str | None
     center_sd: float
@@ -154,6 +164,10 @@ class EstimateArrays:
     rotations: NDArray[np.float64]
     rotation_sd_deg: NDArray[np.float64]
     yaw_deg: NDArray[np.float64]
+    bounds_centers: NDArray[np.float64]
+    bounds_half_extents: NDArray[np.float64]
+    bounds_half_extents_sd: NDArray[np.float64]
+    bounds_quaternions: NDArray[np.float64]
     covariances: NDArray[np.float64]
     covariance_coordinates: list[str | None]
     center_sd: NDArray[np.float64]
@@ -219,6 +233,10 @@ class EstimateArrays:
             rotations=rows("rotations"),
             rotation_sd_deg=rows("rotation_sd_deg"),
             yaw_deg=rows("yaw_deg"),
+            bounds_centers=rows("bounds_centers"),
+            bounds_half_extents=rows("bounds_half_extents"),
+            bounds_half_extents_sd=rows("bounds_half_extents_sd"),
+            bounds_quaternions=rows("bounds_quaternions"),
             covariances=rows("covariances"),
             covariance_coordinates=items("covariance_coordinates"),
             center_sd=rows("center_sd"),
@@ -309,6 +327,10 @@ class EstimateArrays:
             rotation=self.rotations[row],
             rotation_sd_deg=self.rotation_sd_deg[row],
             yaw_deg=float(self.yaw_deg[row]),
+            bounds_center=self.bounds_centers[row],
+            bounds_half_extents=self.bounds_half_extents[row],
+            bounds_half_extents_sd=self.bounds_half_extents_sd[row],
+            bounds_quaternion=self.bounds_quaternions[row],
             covariance=self.covariances[row],
             covariance_coordinates=self.covariance_coordinates[row],
             center_sd=float(self.center_sd[row]),
@@ -350,9 +372,9 @@ class EstimateArrays:
         Returns
         -------
         pandas.DataFrame
-            Columns `object`, `category`, `kind`, `center_x` to `center_z`, `half_extent_1` to `_3`, `half_extent_1_sd`
-            to `_3_sd`, `yaw_deg`, `yaw_sd_deg`, `center_sd`, `views`, `status` and `warnings` (one text). Yaws are
-            about the scene's ``up``, NaN without it.
+            Columns `object`, `category`, `kind`, `center_x` to `center_z`, `half_extent_1` to `_3`,
+            `half_extent_1_sd` to `_3_sd`, `bounds_half_extent_1` to `_3`, `yaw_deg`, `yaw_sd_deg`, `center_sd`,
+            `views`, `status` and `warnings` (one text). Yaws are about the scene's ``up``, NaN without it.
         """
         try:
             import pandas as pd
@@ -362,6 +384,7 @@ class EstimateArrays:
         columns |= {f"center_{name}": self.centers[:, k] for k, name in enumerate("xyz")}
         columns |= {f"half_extent_{k + 1}": self.half_extents[:, k] for k in range(3)}
         columns |= {f"half_extent_{k + 1}_sd": self.half_extents_sd[:, k] for k in range(3)}
+        columns |= {f"bounds_half_extent_{k + 1}": self.bounds_half_extents[:, k] for k in range(3)}
         columns |= {
             "yaw_deg": self.yaw_deg,
             "yaw_sd_deg": np.where(np.isnan(self.yaw_deg), np.nan, self.rotation_sd_deg[:, 0]),
@@ -378,8 +401,9 @@ class EstimateArrays:
         Returns
         -------
         pyarrow.Table
-            Columns `object`, `category`, `status`, `kind`, `center`, `half_extents`, `half_extents_sd`, `quaternion`
-            and `covariance` (lists of 3, 3, 3, 4 and 81 numbers; null for none), `center_sd`, `views_used`,
+            Columns `object`, `category`, `status`, `kind`, `center`, `half_extents`, `half_extents_sd`, `quaternion`,
+            `bounds_center`, `bounds_half_extents`, `bounds_half_extents_sd`, `bounds_quaternion` and `covariance`
+            (lists of 3, 3, 3, 4, 3, 3, 3, 4 and 81 numbers; null for none), `center_sd`, `views_used`,
             `rms_residual_px`.
         """
         from ._arrow import pa
@@ -404,6 +428,10 @@ class EstimateArrays:
                 "half_extents": lists(self.half_extents),
                 "half_extents_sd": lists(self.half_extents_sd),
                 "quaternion": lists(self.quaternions),
+                "bounds_center": lists(self.bounds_centers),
+                "bounds_half_extents": lists(self.bounds_half_extents),
+                "bounds_half_extents_sd": lists(self.bounds_half_extents_sd),
+                "bounds_quaternion": lists(self.bounds_quaternions),
                 "covariance": lists(self.covariances),
                 "center_sd": numbers(self.center_sd),
                 "views_used": pa.array(self.views_used),

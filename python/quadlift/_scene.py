@@ -267,6 +267,11 @@ class Estimates(EstimateArrays, Relocalizes):
     yaw_deg : ndarray, shape (N,)
         Angles about ``up`` from the x axis of the world (z, where x is steep) to the longer horizontal axes, degrees in
         (-90, 90]; NaN without ``up``.
+    bounds_centers, bounds_half_extents, bounds_half_extents_sd : ndarray, shape (N, 3)
+        The boxes around the objects: centers, half the extents along the axes, and their standard deviations. Parts of
+        an object may lie outside of its body, and inside of its bounds.
+    bounds_quaternions : ndarray, shape (N, 4)
+        Their rotations: upright with ``up``, those of the bodies without, or where the body is a cuboid or cylinder.
     covariances : ndarray, shape (N, 9, 9)
         Covariances, in ``covariance_coordinates``.
     covariance_coordinates : list of str or None, length N

@@ -156,7 +156,7 @@ def test_occluded_edges_count(fleet: Fleet) -> None:
 
 
 def test_closed_form(fleet: Fleet) -> None:
-    found = tables.localize(fleet.detections, fleet.cameras, method="planes")
+    found = tables.localize(fleet.detections, fleet.cameras, method="planes", up=fleet.up)
     assert_same(found, fleet.expected(method="planes"))
 
 

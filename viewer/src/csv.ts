@@ -1,6 +1,6 @@
 // The table of objects as CSV (RFC 4180), with all digits.
 
-import type { Report } from "./data.ts";
+import type { Body, Report } from "./data.ts";
 import { extentsSd, objectName, sortedExtents } from "./words.ts";
 
 type Value = string | number | null | undefined;
@@ -15,15 +15,19 @@ export function objectsCsv(report: Report, shows: (object: number) => boolean): 
     ...[1, 2, 3].map((k) => `size ${k} [${unit}]`),
     ...[1, 2, 3].map((k) => `size ${k} sd [${unit}]`),
     "yaw sd [deg]", "tilt sd [deg]",
+    ...[1, 2, 3].map((k) => `bounds ${k} [${unit}]`),
+    ...[1, 2, 3].map((k) => `bounds ${k} sd [${unit}]`),
     "residual [px]", "views used", "views rejected", "held-out IoU",
   ];
   const rows = report.objects.flatMap((object, index): Value[][] => {
     if (!shows(index)) return [];
-    const sizes = object.body === null ? [null, null, null] : sortedExtents(object.body);
+    const sizesOf = (body: Body | null): (number | null)[] => (body === null ? [null, null, null] : sortedExtents(body));
     return [[
       objectName(report, index), object.id, report.categories[object.category], object.status, object.body?.kind,
-      ...(object.center ?? [null, null, null]), object.centerSd, ...sizes,
-      ...extentsSd(object), ...(object.rotationSdDeg ?? [null, null]),
+      ...(object.center ?? [null, null, null]), object.centerSd,
+      ...sizesOf(object.body), ...extentsSd(object.body, object.halfExtentsSd),
+      ...(object.rotationSdDeg ?? [null, null]),
+      ...sizesOf(object.bounds), ...extentsSd(object.bounds, object.boundsSd),
       object.residual, object.viewsUsed, object.viewsRejected, object.predictedIou,
     ]];
   });

@@ -97,6 +97,10 @@ export interface ReportObject {
   /** The region of 95 % of the center, see `Report.region`. */
   centerShell: Body | null;
   body: Body | null;
+  /** The box around the object. */
+  bounds: Body | null;
+  /** Standard deviations of its half extents, in their order. */
+  boundsSd: Vec3 | null;
   /** The larger body that holds the real object. */
   enclosing: Body | null;
   truth: Body | null;

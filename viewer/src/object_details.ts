@@ -82,7 +82,10 @@ function facts(report: Report, index: number, object: ReportObject): [string, st
     ["status", statusName(object.status)],
     ...(object.trueId === null ? [] : [["true object", object.trueId] as [string, string]]),
     ["body", object.body === null ? "none" : object.body.kind],
-    ["size", object.body === null ? "–" : `${extentsWithSd(report, object)} ${unit}`],
+    ["size", object.body === null ? "–" : `${extentsWithSd(report, object.body, object.halfExtentsSd)} ${unit}`],
+    ...(object.bounds === null
+      ? []
+      : [["bounds", `${extentsWithSd(report, object.bounds, object.boundsSd)} ${unit}`] as [string, string]]),
     ...(object.rotationSdDeg === null
       ? []
       : [["direction uncertainty", directionInWords(report, object.rotationSdDeg)] as [string, string]]),

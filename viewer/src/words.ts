@@ -62,8 +62,8 @@ export function sortedExtents(body: Body): number[] {
   return body.half.map((half) => 2 * half).sort((a, b) => b - a);
 }
 
-/** Standard deviations of the full extents of an object's body, in the order of these; nulls where they are not known. */
-export function extentsSd({ body, halfExtentsSd }: ReportObject): (number | null)[] {
+/** Standard deviations of the full extents of a body, in the order of these; nulls where they are not known. */
+export function extentsSd(body: Body | null, halfExtentsSd: Vec3 | null): (number | null)[] {
   const order = [0, 1, 2].sort((a, b) => (body?.half[b] ?? 0) - (body?.half[a] ?? 0));
   return order.map((axis) => (halfExtentsSd === null ? null : 2 * (halfExtentsSd[axis] ?? 0)));
 }
@@ -108,11 +108,11 @@ export function extents(report: Report, body: Body | null): string {
   return body === null ? "–" : lengths(report, sortedExtents(body)).join(" × ");
 }
 
-/** The same of an object, each with its standard deviation. */
-export function extentsWithSd(report: Report, object: ReportObject): string {
-  if (object.body === null) return "–";
-  const sd = extentsSd(object);
-  const texts = lengths(report, sortedExtents(object.body));
+/** The same of a body or a box, each with its standard deviation. */
+export function extentsWithSd(report: Report, body: Body | null, halfExtentsSd: Vec3 | null): string {
+  if (body === null) return "–";
+  const sd = extentsSd(body, halfExtentsSd);
+  const texts = lengths(report, sortedExtents(body));
   return texts.map((text, k) => (sd[k] == null ? text : `${text}\u00a0±\u00a0${deviation(sd[k])}`)).join(" × ");
 }
 

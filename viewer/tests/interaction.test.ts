@@ -308,6 +308,8 @@ test("pictures, bodies and the table are saved as files", async () => {
     assert.deepEqual(sizes, order.map((axis) => 2 * object.body!.half[axis]!));
     const deviations = [1, 2, 3].map((i) => Number(line[column(`size ${i} sd [${unit}]`)]));
     assert.deepEqual(deviations, order.map((axis) => 2 * object.halfExtentsSd![axis]!));
+    const bounds = [1, 2, 3].map((i) => Number(line[column(`bounds ${i} [${unit}]`)]));
+    assert.deepEqual(bounds, object.bounds!.half.map((half) => 2 * half).sort((a, b) => b - a));
     assert.deepEqual(["yaw", "tilt"].map((angle) => Number(line[column(`${angle} sd [deg]`)])), object.rotationSdDeg);
   });
   const { bytes, name } = await file("download the bodies as GLB (binary glTF)");
@@ -431,7 +433,7 @@ test("an object has one label everywhere, and its sizes are sorted", async () =>
   assert.equal(await page.locator("#measure option").first().textContent(), "–");
   const sizes = extents(report, report.objects[8]!.body).split(" × ").map(Number);
   assert.deepEqual(sizes, [...sizes].sort((a, b) => b - a));
-  assert.ok((await page.locator(".details").textContent())!.includes(`${extentsWithSd(report, report.objects[8]!)} ${report.lengthUnit}`));
+  assert.ok((await page.locator(".details").textContent())!.includes(`${extentsWithSd(report, report.objects[8]!.body, report.objects[8]!.halfExtentsSd)} ${report.lengthUnit}`));
   // No id of an association stands in a text.
   for (const part of [".warnings", ".overview", ".measurements"]) {
     for (const text of await page.locator(part).allTextContents()) assert.ok(!/object_\d/.test(text), text);

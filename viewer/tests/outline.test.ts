@@ -32,7 +32,7 @@ function extentOfSurface(projection: number[], shown: Body): number[] {
     for (let j = 0; j < 600; j++) {
       const [polar, angle] = [(Math.PI * i) / 600, (2 * Math.PI * j) / 600];
       const v: Vec3 = [Math.sin(polar) * Math.cos(angle), Math.sin(polar) * Math.sin(angle), Math.cos(polar)];
-      const [x, y, depth] = project(projection, place(unitPoint(v, shown.exponent)));
+      const [x, y, depth] = project(projection, place(unitPoint(v, shown)));
       points.push([x / depth, y / depth]);
     }
   }
@@ -77,7 +77,7 @@ test("points of a superellipsoid lie on it", () => {
   for (const exponent of [1.1, 1.5, 2]) {
     const power = exponent / (exponent - 1);
     for (const v of [[1, 2, 3], [-1, 0, 0.1], [0, 0, -2], [1e-9, 1, 1]] as Vec3[]) {
-      const sum = unitPoint(v, exponent).reduce((total, x) => total + Math.abs(x) ** power, 0);
+      const sum = unitPoint(v, { kind: "superellipsoid", exponent }).reduce((total, x) => total + Math.abs(x) ** power, 0);
       assert.ok(Math.abs(sum - 1) < 1e-9, `${exponent} ${v}: ${sum}`);
     }
   }

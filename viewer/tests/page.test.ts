@@ -178,6 +178,8 @@ test("sizes and directions have standard deviations", async () => {
     for (const [axis, [size, sd]] of expected.entries()) {
       assert.ok(Math.abs(numbers[axis]![0] - size) < 0.02 * size && Math.abs(numbers[axis]![1] - sd) < 0.06 * sd, `${facts}: ${expected}`);
     }
+    // The box around the object stands below.
+    assert.match(facts, /bounds\s+[\d.]+\s±/);
     const mean = Math.hypot(...expected.map(([, sd]) => sd)) / Math.sqrt(3);
     const shown = Number(await row(page, k).locator("td").nth(column).textContent());
     assert.ok(Math.abs(shown - mean) < 0.06 * mean, `${shown}: ${mean}`);

@@ -145,6 +145,16 @@ impl PyLocalized {
             to.extend(e.rotation_sd(up.as_ref()).into_iter().flatten().map(f64::to_degrees));
         })?;
         rows("yaw_deg", 1, &|e, to| to.extend(e.body.zip(up).map(|(body, up)| yaw(&body, &up).to_degrees())))?;
+        rows("bounds_centers", 3, &|e, to| to.extend(e.bounds.iter().flat_map(|b| b.center.iter().copied())))?;
+        rows("bounds_half_extents", 3, &|e, to| {
+            to.extend(e.bounds.iter().flat_map(|b| b.half_extents.iter().copied()))
+        })?;
+        rows("bounds_half_extents_sd", 3, &|e, to| {
+            to.extend(e.bounds.and_then(|bounds| bounds.half_extents_sd).iter().flat_map(|sd| sd.iter().copied()));
+        })?;
+        rows("bounds_quaternions", 4, &|e, to| {
+            to.extend(e.bounds.iter().flat_map(|b| quaternion_from_rotation(&b.rotation)));
+        })?;
         rows("quaternions", 4, &|e, to| {
             to.extend(e.body.iter().flat_map(|b| quaternion_from_rotation(&b.rotation)));
         })?;

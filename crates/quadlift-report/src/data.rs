@@ -128,6 +128,10 @@ pub struct ReportObject {
     pub center_shell: Option<ReportBody>,
     /// The estimated body.
     pub body: Option<ReportBody>,
+    /// The box around the object.
+    pub bounds: Option<ReportBody>,
+    /// Standard deviations of its half extents, in their order.
+    pub bounds_sd: Option<[f64; 3]>,
     /// The enclosing ellipsoid.
     pub enclosing: Option<ReportBody>,
     /// The true body.

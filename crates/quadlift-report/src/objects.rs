@@ -110,6 +110,8 @@ impl Objects {
         object.rotation_sd_deg = record.rotation_sd_deg;
         object.center_shell = shell.map(|shell| (&Body::from(shell)).into());
         object.body = bodies.body().as_ref().map(Into::into);
+        object.bounds = bodies.bounds.as_ref().map(Into::into);
+        object.bounds_sd = record.bounds.as_ref().and_then(|bounds| bounds.half_extents_sd);
         object.enclosing = bodies.enclosing.as_ref().map(Into::into);
         let alternative = |(body, log_odds): &(Body, f64)| ReportAlternative { body: body.into(), log_odds: *log_odds };
         object.alternatives = others.iter().map(alternative).collect();

@@ -84,7 +84,7 @@ tuned! {
     /// with .5, .7 and 1 O3D is .62, .62 and .59 with aligned poses and .48, .46 and .46 with GPS poses.
     USUAL_SPREAD = 0.7;
 
-    // Covariances, alternatives, the enclosing ellipsoid.
+    // Covariances, alternatives.
     /// Scale of the field's correlation, as a distance between unit vectors. Tuned on LINEMOD, LMO, TUW and KITTI by the
     /// share of true centers inside the 95 % region (all sets together 83, 89, 89, 89 and 89 % at 0.1, 0.2, 0.3, 0.4 and 0.6)
     /// and the median NEES (10.7, 8.4, 7.3, 6.6 and 5.6; 8.34 is honest).
@@ -92,11 +92,6 @@ tuned! {
     /// Log odds below which another answer is not reported: 1 to 20, which is clear. Of 400 synthetic cuboids in 8 views (boxes with 2
     /// and 5 % noise) 42 have an IoU below 0.6; 38 of them have an alternative, and 171 of the others. With -2 it is 37 and 131.
     MIN_LOG_ODDS = -3.0;
-    /// Standard deviation of the logarithm of the ellipsoid's reach about that of the closest ellipsoid of the fitted body. Tuned on boxes of YOLO in
-    /// frames of LINEMOD's sequences that no scene of the tests has. Mean IoU with the envelope with .02, .05, .1, .2: of 3 views
-    /// .721, .719, .720, .719; of 8 .804, .808, .806, .798; of 20 .828, .837, .839, .839; of 50 .839, .846, .846, .845. The scaled
-    /// body has .722, .800, .817 and .823.
-    ENCLOSING_PRIOR_SD = 0.1;
 
     // Upright objects, the ground plane.
     /// Share of the objects that stand before anything is known; where objects do not depend on each other, for good.

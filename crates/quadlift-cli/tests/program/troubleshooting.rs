@@ -32,8 +32,8 @@ const SYMPTOMS: &str = "
 - **Some frames are wrong.** If boxes contradict those of the other frames, correct the poses of the frames that the message names, or
   leave them out; `--allow-inconsistent` localizes from the others.
 - **Moving objects.** `quadlift associate` marks them as uncertain.
-- **Bodies are too small.** They fit the boxes on average; `--enclosing` adds ellipsoids that contain the objects
-  ([concepts](concepts.md#the-body-and-the-ellipsoid-around-it)).
+- **Bodies are too small.** They fit the boxes on average; `bounds` have the extents, `--enclosing` adds ellipsoids around the objects
+  ([concepts](concepts.md#the-body-its-bounds-and-the-ellipsoid-around-it)).
 - **All lengths are wrong by a factor.** A scene in millimeters is as consistent as one in meters. Only category sizes
   (`--priors`) or the camera height (`--camera-height`) show the difference.
 - **The world is mirrored or rotated.** A transform of everything leaves a scene consistent.

@@ -23,6 +23,8 @@ pub struct ObjectBodies {
     pub center: Option<Point3<f64>>,
     /// The bodies: one of an estimate, of a true object one of each kind that the file gives, an ellipsoid first.
     pub bodies: Vec<Body>,
+    /// The box around the real object.
+    pub bounds: Option<Body>,
     /// The ellipsoid that should contain the real object.
     pub enclosing: Option<Body>,
     /// Uncertainty of an estimate.
@@ -99,6 +101,7 @@ fn bodies(record: &ObjectRecord, entry: &str) -> Result<ObjectBodies, EntryError
     if let Some(body) = &record.body {
         bodies = vec![body.to_body(&place("body"))?];
     }
+    let bounds = record.bounds.as_ref().map(|record| record.to_body(&place("bounds"))).transpose()?;
     let enclosing = record.enclosing.as_ref().map(|body| body.to_body(&place("enclosing"))).transpose()?;
     let covariance = covariance(record.covariance.as_deref(), place("covariance"))?;
     let given = record.center.map(|center| finite_point(&center, place("center"))).transpose()?;
@@ -108,6 +111,7 @@ fn bodies(record: &ObjectRecord, entry: &str) -> Result<ObjectBodies, EntryError
         status,
         center: given.or(bodies.first().map(|body| body.center)),
         bodies,
+        bounds,
         enclosing,
         covariance,
     })

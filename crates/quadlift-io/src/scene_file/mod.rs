@@ -34,7 +34,7 @@ pub use cue_records::{Box3dRecord, Box3dSdRecord, CueSourceRecord, DepthRecord};
 pub use depth_images::DepthsFound;
 pub use images::{MaskSource, SceneImages};
 pub use object_records::{
-    AlternativeRecord, BodyRecord, CovarianceRecord, CrossValidationRecord, CuboidRecord, CylinderRecord,
+    AlternativeRecord, BodyRecord, BoundsRecord, CovarianceRecord, CrossValidationRecord, CuboidRecord, CylinderRecord,
     EllipsoidRecord, GoodnessOfFitRecord, ObjectRecord, SuperellipsoidRecord, ViewRecord,
 };
 pub use paths::way_to_file;

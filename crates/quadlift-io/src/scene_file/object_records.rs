@@ -34,6 +34,9 @@ pub struct ObjectRecord {
     /// Standard deviations of its rotation, degrees: about the vertical, and away from it (see [`quadlift::solve::Estimate::rotation_sd`]).
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "numbers::optional_list")]
     pub rotation_sd_deg: Option<[f64; 2]>,
+    /// The box around the real object, with the extents that its measurements show.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bounds: Option<Box<BoundsRecord>>,
     /// The ellipsoid that should contain the real object, where it was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub enclosing: Option<Box<BodyRecord>>,
@@ -183,6 +186,26 @@ pub struct BodyRecord {
     pub extra: Map<String, Value>,
 }
 
+/// The box around an object (see [`quadlift::solve::Bounds`]).
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct BoundsRecord {
+    /// Center in the world.
+    #[serde(deserialize_with = "numbers::list")]
+    pub center: [f64; 3],
+    /// Unit quaternion `[w, x, y, z]`; the columns of the rotation are the axes, in the order of `half_extents`.
+    #[serde(deserialize_with = "numbers::list")]
+    pub rotation: [f64; 4],
+    /// Half the extents along its axes, world units.
+    #[serde(deserialize_with = "numbers::list")]
+    pub half_extents: [f64; 3],
+    /// Their standard deviations, world units.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "numbers::optional_list")]
+    pub half_extents_sd: Option<[f64; 3]>,
+    /// Unknown fields.
+    #[serde(flatten)]
+    pub extra: Map<String, Value>,
+}
+
 /// Another body that agrees with an object's measurements (see [`quadlift::solve::Alternative`]).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AlternativeRecord {
@@ -292,6 +315,18 @@ impl KindRecord for BodyRecord {
 
     fn parts_mut(&mut self) -> (&mut [f64; 3], &mut [f64; 4], Vec<&mut f64>) {
         (&mut self.center, &mut self.rotation, self.half_extents.iter_mut().collect())
+    }
+}
+
+impl KindRecord for BoundsRecord {
+    fn to_body(&self, place: &str) -> Result<Body, EntryError> {
+        let half_extents = positive(&self.half_extents, place, "half_extents");
+        checked(BodyKind::Cuboid, &self.center, half_extents, &self.rotation, place)
+    }
+
+    fn parts_mut(&mut self) -> (&mut [f64; 3], &mut [f64; 4], Vec<&mut f64>) {
+        let lengths = self.half_extents.iter_mut().chain(self.half_extents_sd.iter_mut().flatten()).collect();
+        (&mut self.center, &mut self.rotation, lengths)
     }
 }
 
@@ -426,10 +461,11 @@ impl ObjectRecord {
         ]
     }
 
-    /// All bodies.
+    /// All bodies, and the box around the object.
     pub(crate) fn bodies_mut(&mut self) -> Vec<&mut dyn KindRecord> {
         let mut all: Vec<&mut dyn KindRecord> = Vec::new();
         all.extend(self.body.iter_mut().chain(&mut self.enclosing).map(|record| &mut **record as _));
+        all.extend(self.bounds.iter_mut().map(|record| &mut **record as _));
         all.extend(self.ellipsoid.iter_mut().map(|record| record as _));
         all.extend(self.cuboid.iter_mut().map(|record| &mut **record as _));
         all.extend(self.cylinder.iter_mut().map(|record| &mut **record as _));

@@ -2,14 +2,15 @@
 
 use quadlift::Localization;
 use quadlift::cross_validation::{Extent, ObjectCrossValidation};
-use quadlift::geometry::Body;
+use quadlift::geometry::{Body, quaternion_from_rotation};
 use quadlift::scene::Scene;
-use quadlift::solve::{Alternative, Estimate};
+use quadlift::solve::{Alternative, Bounds, Estimate};
 use serde_json::Map;
 
 use super::bodies::coordinates_name;
 use super::object_records::{
-    AlternativeRecord, CovarianceRecord, CrossValidationRecord, GoodnessOfFitRecord, ObjectRecord, ViewRecord,
+    AlternativeRecord, BoundsRecord, CovarianceRecord, CrossValidationRecord, GoodnessOfFitRecord, ObjectRecord,
+    ViewRecord,
 };
 use crate::numbers::significant;
 
@@ -90,6 +91,7 @@ fn object(scene: &Scene, estimate: &Estimate, checked: Option<&ObjectCrossValida
             .rotation_sd(scene.up.as_ref())
             .filter(|sd| sd.iter().all(finite))
             .map(|sd| sd.map(|x| figure(x.to_degrees()))),
+        bounds: estimate.bounds.as_ref().map(|found| Box::new(bounds(found))),
         enclosing: estimate.enclosing.map(|body| Box::new((&Body::from(body)).into())),
         views_used: Some(estimate.views_used()),
         views_rejected: estimate
@@ -132,6 +134,16 @@ fn object(scene: &Scene, estimate: &Estimate, checked: Option<&ObjectCrossValida
                 ..Default::default()
             })
         }),
+        ..Default::default()
+    }
+}
+
+fn bounds(found: &Bounds) -> BoundsRecord {
+    BoundsRecord {
+        center: found.center.coords.into(),
+        rotation: quaternion_from_rotation(&found.rotation),
+        half_extents: found.half_extents.into(),
+        half_extents_sd: found.half_extents_sd.map(|sd| sd.map(|x| significant(x, FIGURE_DIGITS)).into()),
         ..Default::default()
     }
 }
@@ -180,6 +192,12 @@ mod tests {
             center: Some(Point3::new(1.0, 2.0, 3.0)),
             body: Some(body),
             enclosing: Some(Ellipsoid { semi_axes: body.half_extents * 1.25, ..body.inscribed() }),
+            bounds: Some(Bounds {
+                center: Point3::new(1.5, 2.0, 3.0),
+                rotation: Rotation3::from_euler_angles(0.0, 0.0, 0.3),
+                half_extents: body.half_extents * 1.1,
+                half_extents_sd: Some(Vector3::new(0.03, 0.02, 0.01)),
+            }),
             covariance: Some(Covariance { coordinates: CovarianceCoordinates::CenterVechShape, matrix }),
             views: vec![
                 ViewReport { residual_px: Some(1.5), ..ViewReport::without_body(0) },
@@ -230,6 +248,8 @@ mod tests {
             assert_eq!(object.covariance, estimate.covariance);
             assert!(close(&object.body().unwrap().closest_ellipsoid(), &estimate.closest_ellipsoid().unwrap()));
             assert!(close(&object.enclosing.unwrap().inscribed(), &estimate.enclosing.unwrap()));
+            let (found, expected) = (object.bounds.unwrap(), estimate.bounds.unwrap().cuboid());
+            assert!(close(&found.inscribed(), &expected.inscribed()) && found.kind == BodyKind::Cuboid);
         }
         for (object, record) in objects.iter().zip(&back.objects) {
             assert_eq!(record.to_alternatives("").unwrap(), [(object.body().unwrap(), -0.5)]);
@@ -241,6 +261,7 @@ mod tests {
         assert_eq!(objects[1].cuboid().unwrap().half_extents, lengths);
         assert!(objects[0].cuboid().is_none() && objects.iter().all(|object| object.bodies.len() == 1));
         let record = &back.objects[0];
+        assert_eq!(record.bounds.as_ref().unwrap().half_extents_sd, Some([0.03, 0.02, 0.01]));
         assert_eq!((record.views_used, record.residual_px), (Some(1), Some(1.5)));
         assert_eq!(record.views_rejected, ["f1"]);
         assert_eq!(record.view_residuals_px[1].residual_px, None);

@@ -179,9 +179,9 @@ impl Visitor<'_> for FieldVisitor {
     }
 }
 
-/// Whether a field of an object holds a body.
+/// Whether a field of an object holds a body or bounds.
 fn is_body(name: &str) -> bool {
-    ["body", "enclosing"].contains(&name) || BodyKind::ALL.iter().any(|known| known.name() == name)
+    ["body", "bounds", "enclosing"].contains(&name) || BodyKind::ALL.iter().any(|known| known.name() == name)
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use crate::error::EntryError;
 use crate::scene_file::{ObjectBodies, ObjectRecord, SceneFile};
 
 /// The columns of [`objects_csv`].
-pub(super) const OBJECT_COLUMNS: [&str; 26] = [
+pub(super) const OBJECT_COLUMNS: [&str; 39] = [
     "object",
     "category",
     "status",
@@ -33,6 +33,19 @@ pub(super) const OBJECT_COLUMNS: [&str; 26] = [
     "half_extent_3_sd",
     "yaw_sd_deg",
     "tilt_sd_deg",
+    "bounds_center_x",
+    "bounds_center_y",
+    "bounds_center_z",
+    "bounds_half_extent_1",
+    "bounds_half_extent_2",
+    "bounds_half_extent_3",
+    "bounds_rotation_w",
+    "bounds_rotation_x",
+    "bounds_rotation_y",
+    "bounds_rotation_z",
+    "bounds_half_extent_1_sd",
+    "bounds_half_extent_2_sd",
+    "bounds_half_extent_3_sd",
     "views_used",
     "views_rejected",
     "residual_px",
@@ -51,7 +64,7 @@ pub(super) const FORMAT: ExportFormat = ExportFormat {
 };
 
 /// The objects, with or without a body. Half extents are the semi-axes of an ellipsoid, and half the extents of a cuboid,
-/// along the columns of the rotation, which is a unit quaternion.
+/// along the columns of the rotation, which is a unit quaternion. Bounds stand beside the body.
 ///
 /// # Errors
 /// [`EntryError`] as [`SceneFile::to_objects`].
@@ -72,7 +85,7 @@ pub(super) fn views_csv(file: &SceneFile) -> Document {
     Document { content: table(VIEW_COLUMNS, rows), counts: vec![("view", views().count())], notes: Vec::new() }
 }
 
-fn object_row(record: &ObjectRecord, bodies: &ObjectBodies, unit: &str) -> [String; 26] {
+fn object_row(record: &ObjectRecord, bodies: &ObjectBodies, unit: &str) -> [String; 39] {
     let body = bodies.body();
     let [x, y, z] = three(bodies.center.map(|center| center.coords.into()));
     let [a, b, c] = three(body.map(|body| body.half_extents.into()));
@@ -81,6 +94,12 @@ fn object_row(record: &ObjectRecord, bodies: &ObjectBodies, unit: &str) -> [Stri
     let [qw, qx, qy, qz] = body.map_or_else(Default::default, |body| {
         quaternion_from_rotation(&body.rotation).map(|number| number.to_string())
     });
+    let bounds = record.bounds.as_deref();
+    let [bx, by, bz] = three(bounds.map(|bounds| bounds.center));
+    let [ba, bb, bc] = three(bounds.map(|bounds| bounds.half_extents));
+    let [bp, bq, br] = three(bounds.and_then(|bounds| bounds.half_extents_sd));
+    let [bqw, bqx, bqy, bqz] =
+        bounds.map_or_else(Default::default, |bounds| bounds.rotation.map(|number| number.to_string()));
     let estimated = record.views_used.is_some();
     [
         no_formula(&record.id),
@@ -105,6 +124,19 @@ fn object_row(record: &ObjectRecord, bodies: &ObjectBodies, unit: &str) -> [Stri
         r,
         yaw,
         tilt,
+        bx,
+        by,
+        bz,
+        ba,
+        bb,
+        bc,
+        bqw,
+        bqx,
+        bqy,
+        bqz,
+        bp,
+        bq,
+        br,
         text(&record.views_used),
         text(&estimated.then_some(record.views_rejected.len())),
         text(&record.residual_px),
@@ -143,6 +175,7 @@ fn table<const N: usize>(header: [&str; N], rows: impl Iterator<Item = [String; 
 mod tests {
     use super::super::test_scene;
     use super::*;
+    use crate::scene_file::BoundsRecord;
 
     #[test]
     fn formulas_are_quoted_and_numbers_are_not() {
@@ -172,6 +205,13 @@ mod tests {
         file.objects[0].views_used = Some(1);
         file.objects[0].views_rejected = vec!["000091".into()];
         file.objects[0].warnings = vec!["a, b".into(), "c".into()];
+        file.objects[0].bounds = Some(Box::new(BoundsRecord {
+            center: [1.1, 0.5, 0.25],
+            rotation: [0.8, 0.0, 0.0, 0.6],
+            half_extents: [0.6, 0.3, 1.0],
+            half_extents_sd: Some([0.06, 0.03, 0.1]),
+            ..BoundsRecord::default()
+        }));
         file.objects.push(ObjectRecord {
             id: "lost".into(),
             status: Some("not_an_ellipsoid".into()),

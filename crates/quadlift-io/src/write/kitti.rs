@@ -3,7 +3,7 @@
 //!
 //! The format supports rotation about the camera's y axis only: tilt is lost. Each body becomes the smallest upright
 //! box that contains it, with the length along the longer of its two more horizontal axes; front and back are not
-//! distinguished. Format: the development kit of the benchmark (`readme.txt`), as [`crate::read::kitti`] reads it.
+//! distinguished. The body is the box around the object, where there is one. Format: the development kit of the benchmark (`readme.txt`), as [`crate::read::kitti`] reads it.
 
 use std::f64::consts::PI;
 use std::fmt::Write;
@@ -92,7 +92,7 @@ struct UprightBox {
 impl UprightBox {
     fn around(object: &Object, pose: &CamFromWorld, meters: f64, rect_from_cam: &Matrix4<f64>) -> Self {
         let rotation = pose.matrix().fixed_columns::<3>(0).into_owned();
-        let body = &object.body;
+        let body = object.boxed();
         let axes = rotation * body.rotation.matrix();
         // The two axes that are flatter in the camera, the longer one of them first.
         let mut flat = [0, 1, 2];
@@ -100,7 +100,7 @@ impl UprightBox {
         let along = if body.half_extents[flat[0]] >= body.half_extents[flat[1]] { flat[0] } else { flat[1] };
         let length = Vector3::new(axes[(0, along)], 0.0, axes[(2, along)]).normalize();
         let (height, width) = (Vector3::y(), length.cross(&Vector3::y()));
-        let reach = |direction: &Vector3<f64>| meters * object.body.support(&(rotation.transpose() * direction));
+        let reach = |direction: &Vector3<f64>| meters * body.support(&(rotation.transpose() * direction));
         let center = (rotation * body.center.coords + pose.matrix().column(3)) * meters;
         let bottom = rect_from_cam.transform_point(&(center + height * reach(&height)).into());
         Self {
@@ -121,7 +121,7 @@ mod tests {
     use super::super::{BodyChoice, test_scene};
     use super::*;
     use crate::read::kitti_labels::parse_labels;
-    use crate::scene_file::SceneFile;
+    use crate::scene_file::{BoundsRecord, SceneFile};
     use nalgebra::{Point3, Rotation3};
     use quadlift::geometry::{Body, BodyKind};
 
@@ -173,6 +173,27 @@ mod tests {
             }
         }
         assert_eq!(labels.iter().map(|label| label.frame).collect::<Vec<_>>(), [90, 90, 90, 91, 91, 91]);
+    }
+
+    /// A label has the size of the box around its object, and its place.
+    #[test]
+    fn boxes_are_the_bounds_of_objects() {
+        let mut file = test_scene::three_bodies();
+        file.objects[0].bounds = Some(Box::new(BoundsRecord {
+            center: [1.1, 0.5, 0.25],
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            half_extents: [0.6, 0.3, 1.0],
+            ..BoundsRecord::default()
+        }));
+        let (text, _) = labels(&file, &KittiLabelOptions::default());
+        let label = &parse_labels("labels.txt".as_ref(), text.as_bytes()).unwrap()[0];
+        // Length, height, width; the second camera looks at it from the end.
+        let mut half: Vec<f64> = label.half_extents().iter().copied().collect();
+        half.sort_by(f64::total_cmp);
+        assert!(half.iter().zip([0.3, 0.6, 1.0]).all(|(a, b)| (a - b).abs() < 1e-6), "{half:?}");
+        // The first camera stands at (0, -10, 0) and looks along y: the middle of the bottom is at x = 1.1 and .75 below it.
+        let fields: Vec<&str> = text.lines().next().unwrap().split(' ').collect();
+        assert_eq!(fields[13..16], ["1.100000", "0.750000", "10.500000"]);
     }
 
     #[test]

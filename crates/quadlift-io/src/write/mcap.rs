@@ -258,8 +258,9 @@ impl<'a> Log<'_, 'a> {
             self.pose(message, body);
             // In ROS all zeros mean "unknown".
             message.f64s(covariance.unwrap_or_default().transpose().iter().copied());
-            self.pose(message, body);
-            message.f64s((body.half_extents * (2.0 * self.meters)).iter().copied()).text(&object.id);
+            let boxed = object.boxed();
+            self.pose(message, boxed);
+            message.f64s((boxed.half_extents * (2.0 * self.meters)).iter().copied()).text(&object.id);
         }
     }
 

@@ -99,6 +99,8 @@ struct Object {
     id: String,
     category: Option<String>,
     body: Body,
+    /// The box around the object, unless enclosing ellipsoids are written.
+    bounds: Option<Body>,
     /// Of the estimated body, which is another one than that of an enclosing ellipsoid.
     covariance: Option<(Covariance, Body)>,
 }
@@ -128,6 +130,7 @@ impl<'a> CheckedScene<'a> {
                         id: object.id,
                         category: object.category,
                         body,
+                        bounds: object.bounds.filter(|_| choice == BodyChoice::Body),
                         covariance: object.covariance.zip(estimated),
                     });
                 }
@@ -163,6 +166,11 @@ impl Object {
     fn category_name(&self) -> &str {
         self.category.as_deref().unwrap_or("object")
     }
+
+    /// What formats of boxes hold: the box around the object, or its body.
+    fn boxed(&self) -> &Body {
+        self.bounds.as_ref().unwrap_or(&self.body)
+    }
 }
 
 /// Whole numbers for names: those in the names (after a prefix that they may have) where all of them are different
@@ -179,7 +187,7 @@ fn numbers_for<'a>(names: impl Iterator<Item = &'a str> + Clone, prefix: &str) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene_file::{CovarianceRecord, ObjectRecord};
+    use crate::scene_file::{BoundsRecord, CovarianceRecord, ObjectRecord};
     use quadlift::geometry::BodyKind;
 
     #[test]
@@ -211,6 +219,22 @@ mod tests {
         // A covariance stays that of the estimated body.
         let estimated = enclosing.objects[0].covariance.map(|(_, body)| body.half_extents.x);
         assert_eq!(estimated, Some(half(&checked, 0)));
+        // Bounds are the box of an object, but where enclosing ellipsoids are written.
+        let bounds = BoundsRecord {
+            center: [1.0, 0.5, 0.5],
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            half_extents: [0.6, 0.3, 0.8],
+            ..BoundsRecord::default()
+        };
+        file.objects[0].bounds = Some(Box::new(bounds));
+        let boxed = |choice: BodyChoice, k: usize| {
+            let checked = CheckedScene::new(&file, choice).unwrap();
+            let boxed = checked.objects[k].boxed();
+            (boxed.kind, boxed.half_extents.x)
+        };
+        assert_eq!(boxed(BodyChoice::Body, 0), (BodyKind::Cuboid, 0.6));
+        assert_eq!(boxed(BodyChoice::Enclosing, 0), (BodyKind::Ellipsoid, 0.625));
+        assert_eq!(boxed(BodyChoice::Body, 2), (BodyKind::Superellipsoid(1.5), 0.5));
         file.objects.iter_mut().for_each(|object| object.enclosing = None);
         assert_eq!(CheckedScene::new(&file, BodyChoice::Enclosing).unwrap_err().entry, "objects");
         file.objects[0].ellipsoid.as_mut().unwrap().semi_axes[1] = -1.0;

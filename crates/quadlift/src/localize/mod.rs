@@ -24,7 +24,7 @@ use crate::solve::plausible::warn_of_implausible_sizes;
 use crate::solve::posterior::{CrossValidated, PosePoints, PoseUnknowns, PosteriorContext};
 use crate::solve::{
     BORDER_MARGIN, Estimate, Fold, FoldPrediction, OptionError, PosteriorOptions, SceneSolution, ViewReport,
-    predict_fold, solve_closed_form,
+    add_bounds, predict_fold, solve_closed_form,
 };
 use selection::Selection;
 use spread::{sort_objects, spread};
@@ -101,6 +101,7 @@ pub(crate) fn solve_objects(
     if watch.is_canceled() {
         return Err(LocalizeError::Canceled);
     }
+    add_bounds(&mut solution, &|k| selection.views_of(k), scene.up.as_ref());
     let cross_validation = summarize(&solution.estimates, &folds, predicted, &options.cross_validation);
     // The views of objects with too few of them are listed all the same, as not used.
     for (k, estimate) in solution.estimates.iter_mut().enumerate().filter(|(_, estimate)| estimate.views.is_empty()) {

@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Matrix6, Point3, SMatrix, Unit, Vector3, Vector6};
 
+use super::bounds::Bounds;
 use crate::geometry::linalg::symmetric_eigen3;
 use crate::geometry::{Body, Ellipsoid, VECH3, skew, vech3};
 
@@ -270,7 +271,7 @@ impl Covariance {
         (of(by_rotation), of(by_size))
     }
 
-    fn half_extents_sd(&self, body: &Body) -> Vector3<f64> {
+    pub(super) fn half_extents_sd(&self, body: &Body) -> Vector3<f64> {
         let (_, log_axes) = self.rotation_and_log_axes(body);
         Vector3::from_fn(|axis, _| body.half_extents[axis] * log_axes[(axis, axis)].max(0.0).sqrt())
     }
@@ -318,6 +319,8 @@ pub struct Estimate {
     /// The ellipsoid that encloses the object, parts of which may lie outside of `body` (docs/method.md, section 13): only where it was asked
     /// for ([`crate::LocalizeOptions::enclosing`]).
     pub enclosing: Option<Ellipsoid>,
+    /// The box around the object, with the extents that its measurements show beside those of `body`.
+    pub bounds: Option<Bounds>,
     /// Uncertainty of `body`.
     pub covariance: Option<Covariance>,
     /// Other bodies that fit the measurements about as well, the most probable first. For cuboids only; the covariance includes
@@ -341,6 +344,7 @@ impl Estimate {
             center: None,
             body: None,
             enclosing: None,
+            bounds: None,
             covariance: None,
             alternatives: Vec::new(),
             goodness_of_fit: None,

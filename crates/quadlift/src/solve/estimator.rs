@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::bounding::{add_bounds, bounds_of_estimate};
 use super::closed_form::solve_closed_form;
 use super::estimate::Estimate;
 use super::evidence::estimate;
@@ -58,7 +59,9 @@ impl Estimator {
     pub fn fit(&self, views: &[View]) -> Estimate {
         let mut object = ObjectViews { object_index: 0, category_index: None, views: views.to_vec() };
         let Method::Posterior(options) = &self.method else {
-            return solve_closed_form(&object, &self.method, false);
+            let mut estimate = solve_closed_form(&object, &self.method, false);
+            estimate.bounds = bounds_of_estimate(&estimate, &object.views, None);
+            return estimate;
         };
         object.views.iter_mut().for_each(|view| *view = view.within_margin(options.border_margin));
         let context = PosteriorContext {
@@ -74,6 +77,7 @@ impl Estimator {
             watch: &Watch::new(&Unobserved, 1),
         };
         let (mut solution, ..) = estimate(1, &|_| object.clone(), &context, &|_| Vec::new());
+        add_bounds(&mut solution, &|_| object.clone(), None);
         solution.estimates.swap_remove(0)
     }
 }

@@ -1,5 +1,6 @@
 //! The method: from the views of one object to its body.
 
+mod bounds;
 mod cue_scale;
 mod estimate;
 mod pose_points_report;
@@ -13,6 +14,8 @@ pub(crate) mod plausible;
 mod streaming_qr;
 mod triangulate;
 pub(crate) mod conditioning;
+mod corrected_support;
+mod bounding;
 mod enclosing;
 mod report;
 mod closed_form;
@@ -21,6 +24,8 @@ pub(crate) mod evidence;
 mod validate;
 mod estimator;
 
+pub(crate) use bounding::add_bounds;
+pub use bounds::Bounds;
 pub use closed_form::lfd::{ConditionedSolution, lfd};
 pub use closed_form::pfd::{ClosedFormError, PfdSolution, pfd};
 pub use closed_form::reg::{RegSolution, reg};

@@ -171,6 +171,18 @@ fn detection() -> impl Strategy<Value = DetectionRecord> {
     )
 }
 
+fn bounds() -> impl Strategy<Value = BoundsRecord> {
+    (numbers(), numbers(), numbers(), option::of(numbers()), extra()).prop_map(
+        |(center, rotation, half_extents, half_extents_sd, extra)| BoundsRecord {
+            center,
+            rotation,
+            half_extents,
+            half_extents_sd,
+            extra,
+        },
+    )
+}
+
 fn object() -> impl Strategy<Value = ObjectRecord> {
     let ellipsoid =
         || {
@@ -225,7 +237,8 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
         found.into_iter().map(alternative).collect::<Vec<_>>()
     });
     let bodies = (ellipsoid(), cuboid(), superellipsoid(), cylinder(), option::of(body()));
-    let bodies = (bodies, option::of(body()), option::of(body()), option::of(numbers()), option::of(numbers()));
+    let around = (option::of(bounds()), option::of(body()));
+    let bodies = (bodies, option::of(body()), around, option::of(numbers()), option::of(numbers()));
     let numbers_of_view = (option::of(number()), option::of(number()), option::of(number()));
     let view = (text(), numbers_of_view, any::<bool>(), option::of(text()), extra()).prop_map(
         |(frame, (residual_px, normalized_residual, predicted_iou), inlier, rejection_reason, extra)| ViewRecord {
@@ -257,7 +270,7 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
         |(names, figures, bodies, views, checked, extra)| {
             let (id, category, status) = names;
             let (center, center_sd, (residual_px, goodness_of_fit, alternatives), covariance) = figures;
-            let (bodies, body, enclosing, half_extents_sd, rotation_sd_deg) = bodies;
+            let (bodies, body, (bounds, enclosing), half_extents_sd, rotation_sd_deg) = bodies;
             let (ellipsoid, cuboid, superellipsoid, cylinder, rounded) = bodies;
             let (views_used, views_rejected, view_residuals_px, warnings) = views;
             ObjectRecord {
@@ -269,6 +282,7 @@ fn object() -> impl Strategy<Value = ObjectRecord> {
                 body: body.map(Box::new),
                 half_extents_sd,
                 rotation_sd_deg,
+                bounds: bounds.map(Box::new),
                 enclosing: enclosing.map(Box::new),
                 ellipsoid,
                 cuboid: cuboid.map(Box::new),
