@@ -271,7 +271,7 @@ class Estimates(EstimateArrays, Relocalizes):
         The boxes around the objects: centers, half the extents along the axes, and their standard deviations. Parts of
         an object may lie outside of its body, and inside of its bounds.
     bounds_quaternions : ndarray, shape (N, 4)
-        Their rotations: upright with ``up``, those of the bodies without, or where the body is a cuboid or cylinder.
+        Their rotations: upright with ``up`` where objects stand; else, and of cuboids and cylinders, those of the bodies.
     covariances : ndarray, shape (N, 9, 9)
         Covariances, in ``covariance_coordinates``.
     covariance_coordinates : list of str or None, length N

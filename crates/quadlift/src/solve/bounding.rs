@@ -14,6 +14,9 @@ use crate::scene::{ObjectViews, View};
 /// A half extent is at least this share of that of the body.
 const LEAST_OF_BODY: f64 = 0.05;
 
+/// Share of upright objects in a scene below which boxes are along the bodies' own axes.
+const STANDING_SHARE: f64 = 0.4;
+
 /// The box around an object from its body and the views that show it.
 fn bounds_of<'v>(
     body: &Body,
@@ -100,7 +103,8 @@ pub(crate) fn add_bounds(
     views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
     up: Option<&Unit<Vector3<f64>>>,
 ) {
-    let SceneSolution { estimates, refined_poses, .. } = solution;
+    let SceneSolution { estimates, refined_poses, noise, .. } = solution;
+    let up = up.filter(|_| noise.get("upright_share").is_none_or(|share| share >= STANDING_SHARE));
     let pose_of = |frame: usize| {
         let place = refined_poses.binary_search_by_key(&frame, |pose| pose.frame_index).ok()?;
         refined_poses.get(place)
@@ -125,6 +129,7 @@ mod tests {
 
     use super::super::corrected_support::tests::{body, views};
     use super::super::estimate::{Matrix9, Status, ViewReport};
+    use super::super::noise_model::NoiseModel;
     use super::*;
 
     fn vertical() -> UnitVector3<f64> {
@@ -225,6 +230,24 @@ mod tests {
                 assert!((variance_of_support(&shape, &body, &direction) / found - 1.0).abs() < 1e-9);
             }
         }
+    }
+
+    #[test]
+    fn boxes_stand_where_objects_of_the_scene_do() {
+        let body = body(BodyKind::Ellipsoid);
+        let views_of = |_| ObjectViews { views: views(&body, 20, &Rotation3::identity()), ..ObjectViews::default() };
+        let tilt = |levels: &[(&str, f64)]| {
+            let reports = (0..20).map(ViewReport::without_body).collect();
+            let estimate = Estimate { body: Some(body), views: reports, ..Estimate::failed(0, None, Status::Ok) };
+            let noise = NoiseModel::new(levels.iter().copied()).unwrap();
+            let mut solution = SceneSolution { estimates: vec![estimate], noise, ..SceneSolution::default() };
+            add_bounds(&mut solution, &views_of, Some(&vertical()));
+            let rotation = solution.estimates[0].bounds.unwrap().rotation;
+            rotation.matrix().column(2).angle(&vertical().into_inner())
+        };
+        let own = body.rotation.matrix().column(2).angle(&vertical().into_inner());
+        assert!(own > 0.1 && (tilt(&[("upright_share", 0.1)]) - own).abs() < 1e-12);
+        assert!(tilt(&[("upright_share", 0.7)]) < 1e-6 && tilt(&[]) < 1e-6);
     }
 
     /// Rejected views do not count, and poses are those that were corrected.

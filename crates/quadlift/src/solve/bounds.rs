@@ -9,8 +9,9 @@ use crate::geometry::{Body, BodyKind};
 pub struct Bounds {
     /// The center of the box in the world.
     pub center: Point3<f64>,
-    /// Its axes, as columns. Where the vertical of the scene is known, the third one is vertical and the first one level, along the longer
-    /// horizontal axis of the body; cuboids and cylinders, whose faces were seen, keep their own axes, as all bodies do without a vertical.
+    /// Its axes, as columns. Where the vertical of the scene is known and its objects stand, the third one is vertical and the first one
+    /// level, along the longer horizontal axis of the body; cuboids and cylinders, whose faces were seen, keep their own axes, as all bodies
+    /// do otherwise.
     pub rotation: Rotation3<f64>,
     /// Half the extents along the axes, world units.
     pub half_extents: Vector3<f64>,
