@@ -64,8 +64,6 @@ class RunOptions(TypedDict, total=False):
     enclosing: bool
     """Add to each object the ellipsoid that encloses it, parts of which may lie outside of its body: that of the
     paper's tables."""
-    seed: int
-    """Seed of the random numbers. Default: 0."""
     allow_inconsistent: bool
     """Continue with an inconsistent scene."""
 
@@ -91,7 +89,6 @@ RUN_KINDS = {
     "noise_model": "levels",
     "cross_validate": "flag",
     "enclosing": "flag",
-    "seed": "whole",
     "allow_inconsistent": "flag",
 }
 """The kind of value of each of them."""
@@ -103,7 +100,6 @@ OF_OBJECTS = frozenset(
         "body",
         "min_views",
         "noise_model",
-        "seed",
     }
 )
 """Those that concern single objects."""

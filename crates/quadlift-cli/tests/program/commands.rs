@@ -37,9 +37,11 @@ fn the_demo_finds_what_is_on_the_desk() {
     let report: Value = serde_json::from_str(&folder.succeed("demo --json --report page.html")).unwrap();
     let desk = &report["desk"];
     assert_eq!((&scores["found"]["matched"], &scores["found"]["estimates"]), (&desk["found"], &desk["found"]));
-    assert!(desk["found"].as_u64() >= Some(12) && desk["true_objects"] == 13, "{desk}");
+    assert!(desk["found"].as_u64() == Some(13) && desk["true_objects"] == 13, "{desk}");
     let off: Vec<f64> = desk["objects"].as_array().unwrap().iter().filter_map(|o| o["off"].as_f64()).collect();
-    assert!(off.len() == 12 && off.iter().all(|off| *off < 0.02), "{off:?}");
+    // One book has three views and comes with a warning.
+    assert!(off.len() == 13 && off.iter().filter(|off| **off < 0.02).count() >= 12, "{off:?}");
+    assert!(off.iter().all(|off| *off < 0.04), "{off:?}");
     let boxes = &desk["boxes"];
     assert!(4 * boxes["wrong_refused"].as_u64().unwrap() >= 3 * boxes["wrong"].as_u64().unwrap(), "{boxes}");
     assert!(10 * boxes["right_refused"].as_u64().unwrap() <= boxes["all"].as_u64().unwrap(), "{boxes}");

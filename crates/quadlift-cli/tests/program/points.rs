@@ -95,6 +95,7 @@ fn sweeps_are_read_where_they_are_and_damaged_ones_are_named() {
         "0: points: 1 detection with a depth, 0 in other views of their objects, 0 without"
     );
     assert_eq!(folder.json("objects.json")["frames"][0]["point_cloud"], cloud);
+    // Without a depth the two views alone do not determine the object.
     let wrong = |key: &str, value: Value| {
         let mut cloud = cloud.clone();
         cloud[key] = value;
@@ -102,7 +103,7 @@ fn sweeps_are_read_where_they_are_and_damaged_ones_are_named() {
     };
     assert_eq!(
         wrong("transform", Value::Null),
-        "0: points: 0 detections with a depth, 0 in other views of their objects, 1 without"
+        "1: points: 0 detections with a depth, 0 in other views of their objects, 1 without"
     );
     let first = |path: &str| {
         let mut scene = scene.clone();

@@ -55,33 +55,58 @@ const SAMPLE: usize = 250;
 /// Probability that an object is upright whose category has an `upright_sd`.
 const UPRIGHT_CATEGORY: f64 = 0.98;
 
-/// Solves for `count` objects by the estimator for what they share and were measured with, see [`posterior`].
+/// Solves for `count` objects by the estimator for what they share and were measured with, see [`posterior`]. With given noise levels each
+/// object is on its own, and so is its estimator.
 pub(crate) fn estimate(
     count: usize,
     views_of: &(dyn Fn(usize) -> ObjectViews + Sync),
     context: &PosteriorContext,
     folds: ChooseFolds,
 ) -> CrossValidated {
-    if serves(count, views_of, context) {
-        estimate_boxes(count, views_of, context, folds)
-    } else {
-        posterior(count, views_of, context, folds)
+    let serves = |k: &usize| serves_scene(context) && serves_object(&views_of(*k), context);
+    let (of_boxes, others): (Vec<usize>, Vec<usize>) = (0..count).partition(serves);
+    if others.is_empty() {
+        return estimate_boxes(count, views_of, context, folds);
     }
+    if of_boxes.is_empty() || context.options.noise_model.is_none() || context.has_shared_unknowns() {
+        return posterior(count, views_of, context, folds);
+    }
+    let boxes = estimate_boxes(of_boxes.len(), &|k| views_of(of_boxes[k]), context, folds);
+    let rest = posterior(others.len(), &|k| views_of(others[k]), context, folds);
+    merged([(of_boxes, boxes), (others, rest)])
 }
 
-/// Whether a scene has nothing but boxes, no shared unknowns and no sizes: what this estimator fits.
-fn serves(count: usize, views_of: &(dyn Fn(usize) -> ObjectViews + Sync), context: &PosteriorContext) -> bool {
+/// Whether nothing is asked for but what this estimator has.
+fn serves_scene(context: &PosteriorContext) -> bool {
     let options = context.options;
-    let has_sizes = options.priors.by_category.values().any(|prior| prior.size.is_some());
     let plain = options.robust && options.heavy_tails && options.correlated_views && options.common_errors;
-    let is_box = |view: &View| view.bounding_box.is_some() && view.ellipse.is_none() && view.tangent_lines.is_none();
-    family_of(options.body).is_some()
-        && plain
-        && !has_sizes
-        && options.by_evidence
-        && !context.has_cues
-        && !context.has_shared_unknowns()
-        && (0..count).all(|k| views_of(k).views.iter().all(is_box))
+    plain && options.by_evidence && family_of(options.body).is_some() && !context.has_shared_unknowns()
+}
+
+/// Whether an object has nothing but boxes, and no size.
+fn serves_object(object: &ObjectViews, context: &PosteriorContext) -> bool {
+    let prior = object.category_index.and_then(|index| context.options.priors.of(&context.categories[index]));
+    let is_box = |view: &View| {
+        view.bounding_box.is_some() && view.ellipse.is_none() && view.tangent_lines.is_none() && view.cues.is_empty()
+    };
+    prior.is_none_or(|prior| prior.size.is_none()) && object.views.iter().all(is_box)
+}
+
+/// The results of two groups of objects, whose numbers are given, in the order of the objects.
+fn merged(groups: [(Vec<usize>, CrossValidated); 2]) -> CrossValidated {
+    let (mut estimates, mut folds, mut predicted) = (Vec::new(), Vec::new(), Vec::new());
+    let mut solutions = Vec::new();
+    for (objects, (mut solution, of_group, of_folds)) in groups {
+        estimates.extend(objects.iter().copied().zip(std::mem::take(&mut solution.estimates)));
+        folds.extend(of_group.into_iter().map(|fold| Fold { object: objects[fold.object], ..fold }));
+        predicted.extend(of_folds);
+        solutions.push(solution);
+    }
+    estimates.sort_by_key(|(object, _)| *object);
+    let estimates = estimates.into_iter().map(|(_, estimate)| estimate).collect();
+    let kinds: Vec<Option<BodyKind>> = solutions.iter().map(|solution| solution.body).collect();
+    let body = kinds[0].filter(|_| kinds[0] == kinds[1]);
+    (SceneSolution { estimates, body, ..solutions.remove(1) }, folds, predicted)
 }
 
 /// The family of a given kind, or any; `None` where the kind is not fitted.
