@@ -417,7 +417,11 @@ def check_import(quadlift, folder, drive, expected):
     log = write_with_mcap(folder / "cameras.mcap", drive, exact, change=with_two_cameras)
     said = run(quadlift, "localize", log, "-o", out, *NOISE_MODEL)
     assert "/thermal/camera_info: K is zero: the camera is not calibrated" in said, said
-    assert largest_difference(bodies(out), expected) < 1e-9
+    # Frames have other names and another order: the sphere that a fit starts from, about which its weak priors are, comes from other
+    # pairs of views.
+    difference = largest_difference(bodies(out), expected)
+    print(f"import, two cameras: largest difference {difference:.1e}")
+    assert difference < 2e-3, difference
     run(quadlift, "import", "mcap", log, "-o", folder / "scene.json", "--write-images", folder / "images")
     scene = json.loads((folder / "scene.json").read_text())
     assert [c["id"] for c in scene["cameras"]] == ["a", "b"], scene["cameras"]
@@ -727,12 +731,12 @@ def check_export(quadlift, folder, scene, estimate_path):
         assert time == max(times) == stamp(all_objects["header"]) and all_objects["header"]["frame_id"] == "world"
         assert [d["id"] for d in all_objects["detections"]] == list(objects)
         for d in all_objects["detections"]:
-            body = objects[d["id"]]["body"]
+            body, bounds = (objects[d["id"]][name] for name in ("body", "bounds"))
             [result] = d["results"]
-            for pose in (d["bbox"]["center"], result["pose"]["pose"]):
-                assert [pose["position"][k] for k in "xyz"] == body["center"], (pose, body)
-                assert np.allclose([pose["orientation"][k] for k in "wxyz"], body["rotation"], rtol=0, atol=1e-15)
-            assert np.allclose([d["bbox"]["size"][k] for k in "xyz"], 2 * np.array(body["half_extents"]), rtol=1e-15)
+            for pose, of in ((result["pose"]["pose"], body), (d["bbox"]["center"], bounds)):
+                assert [pose["position"][k] for k in "xyz"] == of["center"], (pose, of)
+                assert np.allclose([pose["orientation"][k] for k in "wxyz"], of["rotation"], rtol=0, atol=1e-15)
+            assert np.allclose([d["bbox"]["size"][k] for k in "xyz"], 2 * np.array(bounds["half_extents"]), rtol=1e-15)
             scores = [x["score"] for x in scene["detections"] if x.get("object") == d["id"]]
             assert np.isclose(result["hypothesis"]["score"], np.mean(scores), rtol=1e-12)
             covariance = np.array(result["pose"]["covariance"]).reshape(6, 6)

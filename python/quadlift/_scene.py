@@ -271,7 +271,8 @@ class Estimates(EstimateArrays, Relocalizes):
         The boxes around the objects: centers, half the extents along the axes, and their standard deviations. Parts of
         an object may lie outside of its body, and inside of its bounds.
     bounds_quaternions : ndarray, shape (N, 4)
-        Their rotations: upright with ``up`` where objects stand; else, and of cuboids and cylinders, those of the bodies.
+        Their rotations: upright with ``up`` where objects stand; else, and of cuboids and cylinders, those of the
+        bodies.
     covariances : ndarray, shape (N, 9, 9)
         Covariances, in ``covariance_coordinates``.
     covariance_coordinates : list of str or None, length N
@@ -317,8 +318,9 @@ class Estimates(EstimateArrays, Relocalizes):
         those of ellipses relative to the mean semi-axis or of logarithms of axes. ``edge_correlation`` and
         ``ellipse_correlation`` are correlations between consecutive views. ``edge_common`` and others with this
         ending are errors common to the views of an object, in units of the noise; ``residual_level`` and
-        ``residual_spread`` describe differences between objects. These affect covariances only. Of scenes of boxes there
-        are also ``opposite_edge_correlation`` (1 where boxes are shifted, -1 where they are scaled), shares (``wrong_box_share``, ``cuboid_share``, ``upright_share``, ...) and the levels of systematic errors
+        ``residual_spread`` describe differences between objects. These affect covariances only. Of scenes of boxes
+        there are also ``opposite_edge_correlation`` (1 where boxes are shifted, -1 where they are scaled), shares
+        (``wrong_box_share``, ``cuboid_share``, ``upright_share``, ...) and the levels of systematic errors
         (``direction_error``, ``side_error``, ``drift_error``, relative to half the size of the box).
     cue_scales : list of dict
         What the sources of depths and 3D boxes are wrong by: ``source`` (None: unnamed), ``quantity`` (``"depth"``,
