@@ -191,7 +191,8 @@ class ToRerun(unittest.TestCase):
 
     def test_a_rounded_body_is_logged_as_its_ellipsoid(self):
         folder = self.folder
-        quadlift(folder, "synth", "-o", "scene.json", "--objects", "2", "--views", "6")
+        body = ["--body", "rounded:0.5", "--noise", "box:0.01"]
+        quadlift(folder, "synth", "-o", "scene.json", "--objects", "4", "--views", "12", *body)
         quadlift(folder, "localize", "scene.json", "-o", "estimate.json", "--body", "rounded")
         recording = Recording(folder, "scene.json", "estimate.json")
         [(_, axes)] = recording.values("/world/estimate/ellipsoids", "Ellipsoids3D:half_sizes")

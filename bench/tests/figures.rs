@@ -112,8 +112,9 @@ fn objects_on_a_table() {
     }
     if let Some(report) = report(Experiment::Tuw) {
         // Four of the objects are boxes and become cuboids, with residuals five times smaller than those of ellipsoids (which
-        // come to 0.82): the truths are ellipsoids, so that the ellipsoid that stands for a cuboid decides.
-        assert_within(&report, &[("tuw_default", 0.785, 0.90)]);
+        // come to 0.82): the truths are ellipsoids, so that the ellipsoid that stands for a cuboid decides. The bodies themselves overlap
+        // by 0.70.
+        assert_within(&report, &[("tuw_default", 0.77, 0.90)]);
         // The published port of LfD gives 0.718 on this sequence.
         let o3d = |method| cell(&report, "TUW", &[method, "ellipsoid", "O3D"], "average");
         assert!((o3d("lfd") - 0.718).abs() < 0.01 && o3d("pfd") < 0.5);

@@ -1,7 +1,8 @@
 // What people do with the page: resize its panes, follow links, fly, zoom, save files, see what is inconsistent.
 
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
+import { readFileSync, writeFileSync } from "node:fs";
+import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser, Download, Locator, Page } from "playwright-core";
 import type { Box } from "../src/place_labels.ts";
@@ -9,13 +10,19 @@ import { placeLabels } from "../src/place_labels.ts";
 import { bestFrame } from "../src/object_views.ts";
 import { zoomed } from "../src/frame_zoom.ts";
 import { extents, extentsWithSd, objectName } from "../src/words.ts";
-import { data, difference, launch, open, pixels, quadlift } from "./browser.ts";
+import { data, difference, folder, launch, open, pixels, quadlift } from "./browser.ts";
 
 let browser: Browser;
 
 before(async () => {
   browser = await launch();
   quadlift("demo", "-q", "--out", "demo", "--report", "demo.html");
+  // The page of the demo, in which one object is inconsistent.
+  const estimate = JSON.parse(readFileSync(join(folder, "demo/estimate.json"), "utf8"));
+  estimate.objects[1].status = "inconsistent";
+  writeFileSync(join(folder, "demo/estimate.json"), JSON.stringify(estimate));
+  const made = quadlift("view", "demo/scene.json", "demo/estimate.json", "--no-browser").trim();
+  writeFileSync(join(folder, "inconsistent.html"), readFileSync(made));
 });
 
 after(async () => browser.close());
@@ -25,7 +32,7 @@ const width = async (at: Locator): Promise<number> => (await at.boundingBox())!.
 
 /** An object whose views do not agree, and one whose views do. */
 function inconsistentAndSound(): [number, number] {
-  const { objects } = data("demo.html");
+  const { objects } = data("inconsistent.html");
   const found = objects.findIndex(({ status, body }) => status === "inconsistent" && body !== null);
   assert.ok(found >= 0, "the demo has an inconsistent object");
   return [found, objects.findIndex(({ status }) => status === "ok")];
@@ -278,8 +285,8 @@ test("a double click on a camera looks through it", async () => {
 });
 
 test("pictures, bodies and the table are saved as files", async () => {
-  const { page, problems } = await open(browser, "demo.html");
-  const report = data("demo.html");
+  const { page, problems } = await open(browser, "inconsistent.html");
+  const report = data("inconsistent.html");
   const [inconsistent] = inconsistentAndSound();
   const file = async (name: string): Promise<{ bytes: Buffer; name: string }> => {
     const waiting: Promise<Download> = page.waitForEvent("download");
@@ -352,7 +359,7 @@ interface Gltf {
 
 test("inconsistent bodies are dashed and hatched, and both legends say so", async () => {
   const [inconsistent, sound] = inconsistentAndSound();
-  const { page } = await open(browser, "demo.html");
+  const { page } = await open(browser, "inconsistent.html");
   for (const legend of [".space .legend", ".picture .legend"]) {
     assert.ok(await page.locator(legend).getByText("inconsistent", { exact: true }).isVisible(), legend);
   }
@@ -361,7 +368,7 @@ test("inconsistent bodies are dashed and hatched, and both legends say so", asyn
     await page.locator(".space").getByRole("checkbox", { name: layer }).uncheck();
   }
   const filled = async (k: number): Promise<number> => {
-    const name = objectName(data("demo.html"), k);
+    const name = objectName(data("inconsistent.html"), k);
     await page.getByLabel("Search objects").fill(name);
     await row(page, k).dblclick();
     await page.keyboard.press("Escape");

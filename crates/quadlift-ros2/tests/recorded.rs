@@ -235,7 +235,7 @@ fn objects_are_found_by_category_place_and_view() {
     let vans = robot.query(&Query { category: Some("van".into()), ..Query::default() });
     assert_eq!(vans, expected(&|object| object["results"][0]["hypothesis"]["class_id"] == "van"));
     assert!(!vans.is_empty() && vans.len() < all.len());
-    let x = |object: &Value| object["bbox"]["center"]["position"]["x"].as_f64().unwrap();
+    let x = |object: &Value| object["results"][0]["pose"]["pose"]["position"]["x"].as_f64().unwrap();
     let mut xs: Vec<f64> = map["detections"].as_array().unwrap().iter().map(x).collect();
     xs.sort_by(f64::total_cmp);
     let middle = xs[xs.len() / 2];
