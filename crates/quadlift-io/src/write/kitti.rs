@@ -3,7 +3,8 @@
 //!
 //! The format supports rotation about the camera's y axis only: tilt is lost. Each body becomes the smallest upright
 //! box that contains it, with the length along the longer of its two more horizontal axes; front and back are not
-//! distinguished. The body is the box around the object, where there is one. Format: the development kit of the benchmark (`readme.txt`), as [`crate::read::kitti`] reads it.
+//! distinguished. The body is the box around the object, where there is one. Format: the development kit of the benchmark (`readme.txt`), as
+//! [`crate::read::kitti`] reads it.
 
 use std::f64::consts::PI;
 use std::fmt::Write;

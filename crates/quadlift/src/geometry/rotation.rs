@@ -2,6 +2,9 @@
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, Unit, UnitQuaternion, Vector3};
 
+/// The golden angle, radians: points of a spiral that turns by it are spread evenly over a disc or a sphere.
+pub(crate) const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+
 /// Iterations after which a singular value decomposition is given up.
 const MAX_SVD_STEPS: usize = 200;
 

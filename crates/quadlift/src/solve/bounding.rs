@@ -1,4 +1,4 @@
-//! The boxes around objects: how far it reaches along three axes (docs/method.md, section 13).
+//! The boxes around objects: how far they reach along three axes (docs/method.md, section 13).
 
 use nalgebra::{Matrix3, Rotation3, SVector, Unit, Vector3};
 
@@ -15,7 +15,7 @@ use crate::scene::{ObjectViews, View};
 const LEAST_OF_BODY: f64 = 0.05;
 
 /// Share of upright objects in a scene below which boxes are along the bodies' own axes.
-const STANDING_SHARE: f64 = 0.4;
+const MIN_UPRIGHT_SHARE: f64 = 0.4;
 
 /// The box around an object from its body and the views that show it.
 fn bounds_of<'v>(
@@ -104,7 +104,7 @@ pub(crate) fn add_bounds(
     up: Option<&Unit<Vector3<f64>>>,
 ) {
     let SceneSolution { estimates, refined_poses, noise, .. } = solution;
-    let up = up.filter(|_| noise.get("upright_share").is_none_or(|share| share >= STANDING_SHARE));
+    let up = up.filter(|_| noise.get("upright_share").is_none_or(|share| share >= MIN_UPRIGHT_SHARE));
     let pose_of = |frame: usize| {
         let place = refined_poses.binary_search_by_key(&frame, |pose| pose.frame_index).ok()?;
         refined_poses.get(place)

@@ -10,6 +10,7 @@ use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
 
 use super::corrected_support::CorrectedSupport;
 use crate::geometry::linalg::invert_spd;
+use crate::geometry::rotation::GOLDEN_ANGLE;
 use crate::geometry::{Body, Ellipsoid};
 use crate::scene::View;
 
@@ -28,9 +29,6 @@ const TOLERANCE: f64 = 1e-3;
 
 /// ...or ends after as many steps, and is enlarged until it holds all points.
 const MAX_STEPS: usize = 1000;
-
-/// The golden angle, radians: points of a spiral that turns by it are spread evenly over a sphere.
-const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 
 /// The ellipsoid that encloses the object of these views; `None` if its numbers are not finite.
 pub(super) fn enclosing(views: &[View], body: &Body) -> Option<Ellipsoid> {

@@ -5,6 +5,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::options::Detector;
+use crate::geometry::rotation::GOLDEN_ANGLE;
 use crate::geometry::{BoundingBox, BoundingBoxError};
 use crate::random;
 
@@ -102,9 +103,8 @@ pub(super) fn is_in_image(bounding_box: &BoundingBox, image: Vector2<f64>) -> bo
 /// detected; outlines count as the ellipses inscribed in the boxes.
 pub(super) fn covered(objects: &[(BoundingBox, f64)]) -> Vec<bool> {
     // A spiral that fills the disc evenly.
-    let golden = std::f64::consts::PI * (3.0 - 5.0f64.sqrt());
     let disc = (0..POINTS).map(|k| {
-        let (radius, angle) = (((k as f64 + 0.5) / POINTS as f64).sqrt(), golden * k as f64);
+        let (radius, angle) = (((k as f64 + 0.5) / POINTS as f64).sqrt(), GOLDEN_ANGLE * k as f64);
         Vector2::new(angle.cos(), angle.sin()) * radius
     });
     let disc: Vec<Vector2<f64>> = disc.collect();

@@ -82,13 +82,14 @@ fn posteriors(objects: &[Object], any_family: bool, learns_upright: bool) -> (Ve
 pub(super) fn choose(objects: &mut [Object], family: Option<Family>, conditions: &mut Conditions) -> Shares {
     let count = objects.len() as f64;
     let any_family = family.is_none();
-    let (mut posteriors, log_probability) = self::posteriors(objects, any_family, true);
+    let (without, log_without) = posteriors(objects, any_family, false);
     // The share of upright objects is a parameter that the scene must pay for: where views do not tell, none is.
-    let (without, without_log_probability) = self::posteriors(objects, any_family, false);
-    let learns_upright = log_probability - without_log_probability > 0.5 * count.ln() + MIN_UPRIGHT_GAIN * count;
-    if !learns_upright {
-        posteriors = without;
-    }
+    let price = 0.5 * count.ln() + MIN_UPRIGHT_GAIN * count;
+    let has_upright = |object: &Object| Hypothesis::all().any(|h| h.is_upright() && object.fit_of(h).is_some());
+    let with = objects.iter().any(has_upright).then(|| posteriors(objects, any_family, true));
+    let with = with.filter(|(_, log_probability)| log_probability - log_without > price);
+    let learns_upright = with.is_some();
+    let posteriors = with.map_or(without, |(posteriors, _)| posteriors);
     for (object, own) in objects.iter_mut().zip(&posteriors) {
         choose_one(object, own);
     }

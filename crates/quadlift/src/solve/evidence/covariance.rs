@@ -8,7 +8,6 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::conditions::{Conditions, DOF};
 use super::fit::{Workspace, linearize};
-use super::lanes::Lanes;
 use super::log_evidence::ROTATION_PRECISION;
 use super::object::Object;
 use super::prior::prior;
@@ -125,15 +124,15 @@ impl Information {
                 }
                 effect
             });
-            let [own, opposite] = view.factors(Lanes::splat(1.0));
             for edge in 0..4 {
                 let residual = at.residual.0[edge];
-                if view.truncated[edge] && residual <= 0.0 {
+                if view.is_reached(edge, residual) {
                     continue;
                 }
                 let root = at.weight.0[edge].sqrt();
                 let scale = root / sd.0[edge];
-                let effect = (of_edges[edge] * own.0[edge] + of_edges[(edge + 2) % 4] * opposite.0[edge]) * scale;
+                let [own, opposite] = view.pairing.of(edge);
+                let effect = (of_edges[edge] * own + of_edges[(edge + 2) % 4] * opposite) * scale;
                 let row = Step::from_fn(|k, _| work.slopes[index][k].0[edge]);
                 let weighted = residual * root;
                 gradient += effect * weighted;

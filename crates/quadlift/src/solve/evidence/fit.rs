@@ -67,7 +67,7 @@ fn evaluate<const SLOPES: bool>(rows: &Rows, body: &Solid, conditions: &Conditio
         let (support, support_slopes) = body.support4(&view.normal, view.length);
         let inverse_depth = view.inverse_depth(&center);
         let n = &view.residual_normal;
-        let support = view.of_residuals(support);
+        let support = view.pairing.residuals(support);
         let distance = dot(n, &center) + view.residual_offset - support;
         let error = distance * inverse_depth;
         let mut scale = view.sd(conditions).inverse();
@@ -94,7 +94,7 @@ fn evaluate<const SLOPES: bool>(rows: &Rows, body: &Solid, conditions: &Conditio
             }
             let factor = factor * -1.0;
             for k in 0..6 {
-                slopes[3 + k] = view.of_residuals(support_slopes[k]) * factor;
+                slopes[3 + k] = view.pairing.residuals(support_slopes[k]) * factor;
             }
         }
         product *= likelihood;

@@ -103,8 +103,8 @@ impl Sums {
         let all = PARAMETERS as f64;
         let determined = fit.determined(conditions).unwrap_or(all).clamp(0.0, all);
         let leverages = leverages(object, fit, conditions, work);
-        let all = leverages.iter().sum::<f64>().max(1e-12);
-        sums.parameters = leverages.map(|leverage| leverage * determined / all);
+        let total = leverages.iter().sum::<f64>().max(1e-12);
+        sums.parameters = leverages.map(|leverage| leverage * determined / total);
         residuals(rows, &fit.body, conditions, work);
         for (index, view) in rows.views.iter().enumerate() {
             let at = work.views[index];

@@ -27,12 +27,12 @@ fn share_step(rows: &Rows, fit: &Fit, conditions: &Conditions, work: &mut Worksp
         let at = &work.views[index];
         let mut scale = view.sd(conditions).inverse();
         for edge in 0..4 {
-            if view.truncated[edge] && at.residual.0[edge] <= 0.0 {
+            if view.is_reached(edge, at.residual.0[edge]) {
                 scale.0[edge] = 0.0;
             }
         }
         let root = at.weight.sqrt();
-        let slope = view.of_residuals(fit.body.share_slope4(&view.normal, view.length));
+        let slope = view.pairing.residuals(fit.body.share_slope4(&view.normal, view.length));
         let slope = slope * scale * root * -view.inverse_depth(&center);
         gradient += (slope * at.residual * root).sum();
         curvature += (slope * slope).sum();

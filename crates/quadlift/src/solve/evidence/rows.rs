@@ -18,17 +18,42 @@ use super::lanes::Lanes;
 use super::spheres::{Sphere, agreeing_spheres};
 use crate::scene::View;
 
+/// Factors of an edge and of the opposite one in a residual.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pairing {
+    own: Lanes,
+    opposite: Lanes,
+}
+
+impl Pairing {
+    /// What belongs to edges, as what belongs to residuals.
+    #[inline(always)]
+    pub(super) fn residuals(&self, of_edges: Lanes) -> Lanes {
+        of_edges * self.own + of_edges.opposite() * self.opposite
+    }
+
+    /// The same with factors on the residuals.
+    #[inline(always)]
+    pub(super) fn times(&self, factors: Lanes) -> Self {
+        Self { own: self.own * factors, opposite: self.opposite * factors }
+    }
+
+    /// The factors in one residual.
+    pub(super) fn of(&self, residual: usize) -> [f64; 2] {
+        [self.own.0[residual], self.opposite.0[residual]]
+    }
+}
+
 /// The planes of one view.
 #[derive(Debug, Clone)]
 pub(super) struct ViewRows {
     /// Components of the normals of the edges.
     pub normal: [Lanes; 3],
-    /// The same, and offsets, of the residuals: see [`Self::of_residuals`].
+    /// The same, and offsets, of the residuals.
     pub residual_normal: [Lanes; 3],
     pub residual_offset: Lanes,
-    /// Factors of an edge and of the opposite one in a residual.
-    own: Lanes,
-    opposite: Lanes,
+    /// How edges become residuals.
+    pub pairing: Pairing,
     /// One for the residuals that are shifts, minus one for sizes.
     shift: Lanes,
     /// Lengths of the normals.
@@ -65,16 +90,10 @@ impl ViewRows {
         correlated.sqrt() * free + self.occluded_lanes * (occluded - free)
     }
 
-    /// What belongs to edges, as what belongs to residuals.
+    /// Whether the edge is at the image border and the body, with this residual, reaches it: it says nothing then.
     #[inline(always)]
-    pub(super) fn of_residuals(&self, of_edges: Lanes) -> Lanes {
-        of_edges * self.own + of_edges.opposite() * self.opposite
-    }
-
-    /// The same, for factors on the residuals: those on an edge and on the opposite one.
-    #[inline(always)]
-    pub(super) fn factors(&self, of_residuals: Lanes) -> [Lanes; 2] {
-        [self.own * of_residuals, self.opposite * of_residuals]
+    pub(super) fn is_reached(&self, edge: usize, residual: f64) -> bool {
+        self.truncated[edge] && residual <= 0.0
     }
 
     /// Pairs of edges whose shift and size are residuals.
@@ -163,16 +182,16 @@ fn rows_of(planes: &BoxPlanes, frame: &Sphere, pixel_noise_size: f64) -> Option<
         (true, true) => 1.0,
         (true, false) => -1.0,
     });
-    let own = Lanes(shift.map(|shift| if shift == 0.0 { 1.0 } else { FRAC_1_SQRT_2 }));
-    let opposite = Lanes(shift.map(|shift| -shift * FRAC_1_SQRT_2));
-    let of_residuals = |x: Lanes| x * own + x.opposite() * opposite;
+    let pairing = Pairing {
+        own: Lanes(shift.map(|shift| if shift == 0.0 { 1.0 } else { FRAC_1_SQRT_2 })),
+        opposite: Lanes(shift.map(|shift| -shift * FRAC_1_SQRT_2)),
+    };
     let normal = std::array::from_fn(|k| Lanes(std::array::from_fn(|edge| planes.normal[edge][k] * scaled)));
     Some(ViewRows {
         normal,
-        residual_normal: normal.map(of_residuals),
-        residual_offset: of_residuals(Lanes(std::array::from_fn(at_origin))),
-        own,
-        opposite,
+        residual_normal: normal.map(|n| pairing.residuals(n)),
+        residual_offset: pairing.residuals(Lanes(std::array::from_fn(at_origin))),
+        pairing,
         shift: Lanes(shift),
         length: Lanes(std::array::from_fn(|edge| planes.normal[edge].norm() * scaled)),
         depth_slope: (planes.axis * (frame.radius / depth)).into(),

@@ -7,7 +7,7 @@ use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2, Vector3};
 use super::conditions::Conditions;
 use super::fit::Workspace;
 use super::lanes::{Lanes, dot};
-use super::rows::Rows;
+use super::rows::{Pairing, Rows};
 use super::solid::Solid;
 use crate::geometry::linalg::{invert_spd, solve_spd};
 
@@ -29,19 +29,11 @@ pub(super) struct Scanned<const N: usize> {
 struct LinearView {
     /// Normals of the edges.
     edge_normal: [Lanes; 3],
-    /// Factors, with the root of the weight, of an edge and of the opposite one in a residual.
-    factors: [Lanes; 2],
+    /// How they become residuals times the root of their weight.
+    pairing: Pairing,
     /// Normals and offsets of the residuals times the root of their weight.
     normal: [Lanes; 3],
     offset: Lanes,
-}
-
-impl LinearView {
-    /// A support of the edges, as the weighted residuals have it.
-    #[inline(always)]
-    fn weighted(&self, of_edges: Lanes) -> Lanes {
-        of_edges * self.factors[0] + of_edges.opposite() * self.factors[1]
-    }
 }
 
 /// Weighted rows of an object, with the center eliminated.
@@ -73,7 +65,7 @@ impl LinearRows {
             let inverse_depth = view.inverse_depth(&center);
             let sd = view.sd(conditions);
             let factor = Lanes(std::array::from_fn(|edge| {
-                if view.truncated[edge] && at.residual.0[edge] <= 0.0 {
+                if view.is_reached(edge, at.residual.0[edge]) {
                     return 0.0;
                 }
                 inverse_depth / sd.0[edge] * (at.weight.0[edge] * conditions.view_weight).sqrt()
@@ -86,8 +78,8 @@ impl LinearRows {
                 linear.by_offset[i] += (n[i] * d).sum();
             }
             linear.offsets += (d * d).sum();
-            let factors = view.factors(factor);
-            linear.views.push(LinearView { edge_normal: view.normal, factors, normal: n, offset: d });
+            let pairing = view.pairing.times(factor);
+            linear.views.push(LinearView { edge_normal: view.normal, pairing, normal: n, offset: d });
         }
         linear.normals.fill_upper_triangle_with_lower_triangle();
         let jitter = 1e-6 * linear.normals.trace() + 1e-9;
@@ -103,7 +95,7 @@ impl LinearRows {
         let (mut squares_of, mut products) = ([Lanes::ZERO; 3], [Lanes::ZERO; 3]);
         let mut by_offset = [Lanes::ZERO; 3];
         for view in &self.views {
-            let v = [0, 1, 2].map(|k| view.weighted(dot(&view.edge_normal, &columns[k]).map(f64::abs)));
+            let v = [0, 1, 2].map(|k| view.pairing.residuals(dot(&view.edge_normal, &columns[k]).map(f64::abs)));
             for i in 0..3 {
                 for j in 0..3 {
                     by_normal[i][j] = by_normal[i][j] + v[i] * view.normal[j];
@@ -138,7 +130,7 @@ impl LinearRows {
             let along = dot(n, &u).map(f64::abs);
             let squared = n[0] * n[0] + n[1] * n[1] + n[2] * n[2] - along * along;
             let across = squared.map(|x| x.max(0.0)).sqrt();
-            let v = [across, along].map(|support| view.weighted(support));
+            let v = [across, along].map(|support| view.pairing.residuals(support));
             for k in 0..2 {
                 for j in 0..3 {
                     by_normal[k][j] = by_normal[k][j] + v[k] * view.normal[j];
