@@ -12,7 +12,9 @@ import { column, rotationMatrix } from "./linear.ts";
 export function unitPoint(v: Vec3, { kind, exponent }: Pick<Body, "kind" | "exponent">): Vec3 {
   if (kind === "rounded") {
     const [roundness, norm] = [exponent - 1, Math.hypot(...v)];
-    return v.map((x) => (1 - roundness) * Math.sign(x) + (roundness * x) / norm) as Vec3;
+    // Where a sphere's ends meet a component is 0 or a rounding error of either sign: the middle of the face, not both corners.
+    const sign = (x: number): number => (Math.abs(x) < 1e-6 * norm ? 0 : Math.sign(x));
+    return v.map((x) => (1 - roundness) * sign(x) + (roundness * x) / norm) as Vec3;
   }
   const largest = Math.max(...v.map(Math.abs));
   const w = v.map((x) => x / largest) as Vec3;

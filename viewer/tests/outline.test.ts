@@ -83,6 +83,12 @@ test("points of a superellipsoid lie on it", () => {
   }
 });
 
+test("the surface of a rounded body closes where its ends meet", () => {
+  const rounded = { kind: "rounded", exponent: 1.4 } as const;
+  const [one, other] = [1.2e-16, -1.2e-16].map((y) => unitPoint([-0.8, y, 0.6], rounded));
+  one!.forEach((x, k) => assert.ok(Math.abs(x - other![k]!) < 1e-9, `${one} and ${other}`));
+});
+
 test("bodies behind or across the camera have no outline", () => {
   for (const shown of [body("ellipsoid", 2), body("superellipsoid", 1.5), body("cuboid", 1)]) {
     assert.equal(outline(camera(-5), shown), null);
