@@ -32,6 +32,11 @@ impl Pairing {
         of_edges * self.own + of_edges.opposite() * self.opposite
     }
 
+    /// Variances of residuals from those of edges.
+    fn variances(&self, of_edges: Lanes) -> Lanes {
+        of_edges * (self.own * self.own) + of_edges.opposite() * (self.opposite * self.opposite)
+    }
+
     /// The same with factors on the residuals.
     #[inline(always)]
     pub(super) fn times(&self, factors: Lanes) -> Self {
@@ -58,6 +63,10 @@ pub(super) struct ViewRows {
     shift: Lanes,
     /// Lengths of the normals.
     pub length: Lanes,
+    /// Near copies of the view, itself included, where cameras see the object from one side; 0 elsewhere.
+    copies: f64,
+    /// Squares of the lengths of the residuals' normals.
+    squared_length: Lanes,
     /// The depth of a point x is `1 + depth_slope . x` times that of the origin.
     pub depth_slope: [f64; 3],
     /// Edges at the image border, which only bound the body from inside.
@@ -82,9 +91,21 @@ impl ViewRows {
         usize::from(self.occluded[edge])
     }
 
-    /// Standard deviations of the residuals under these conditions.
+    /// Standard deviations of the residuals under these conditions. What near copies of a view share counts as if each had an error of its
+    /// own, of so much variance that their mean keeps it.
     #[inline(always)]
     pub(super) fn sd(&self, conditions: &Conditions) -> Lanes {
+        let own = self.own_sd(conditions);
+        if self.copies == 0.0 {
+            return own;
+        }
+        let shared = (COPIED_PART * conditions.noise[0]).min(MAX_COPIED);
+        (own * own + self.squared_length * (shared * shared * self.copies)).sqrt()
+    }
+
+    /// The same without what near copies share.
+    #[inline(always)]
+    pub(super) fn own_sd(&self, conditions: &Conditions) -> Lanes {
         let [free, occluded] = conditions.noise;
         let correlated = Lanes::splat(1.0) + self.shift * conditions.opposite_correlation;
         correlated.sqrt() * free + self.occluded_lanes * (occluded - free)
@@ -94,6 +115,16 @@ impl ViewRows {
     #[inline(always)]
     pub(super) fn is_reached(&self, edge: usize, residual: f64) -> bool {
         self.truncated[edge] && residual <= 0.0
+    }
+
+    /// Product over the edges with two sides of the whole standard deviation over that without what near copies share.
+    #[inline(always)]
+    pub(super) fn copied_ratio(&self, conditions: &Conditions) -> f64 {
+        if self.copies == 0.0 {
+            return 1.0;
+        }
+        let ratio = self.sd(conditions) * self.own_sd(conditions).inverse();
+        (0..4).filter(|&edge| !self.truncated[edge]).map(|edge| ratio.0[edge]).product()
     }
 
     /// Pairs of edges whose shift and size are residuals.
@@ -118,6 +149,17 @@ impl ViewRows {
         Vector3::from_fn(|k, _| self.normal[k].0[edge])
     }
 }
+
+/// Angle between rays to an object within which views are near copies of each other, radians: 20 degrees. Recipe; within 10 bodies seen from
+/// glasses stay too long.
+const MAX_COPIES_ANGLE: f64 = 0.349;
+
+/// Deviation of what near copies share: a part of the noise, at most so much of the size. No body is quite of its family, no detector's box
+/// without bias, and cameras on one side do not show it. With parts of .5 and 1 mixed bodies on arcs of 3 and 15 degrees gain .009 and .027,
+/// .012 and .031 of body IoU (+- .004), mean errors of centers beside a street fall from .44 and .59 to .18 and .19; KITTI's labels gain .003 and
+/// lose .026 (+- .011).
+const COPIED_PART: f64 = 0.5;
+const MAX_COPIED: f64 = 0.03;
 
 /// Depth in units of that of the frame's origin below which it no longer falls: a body that passes through the camera.
 const MIN_DEPTH: f64 = 0.02;
@@ -147,7 +189,9 @@ impl Rows {
         boxes.sort_by(|a, b| a.order().partial_cmp(&b.order()).unwrap_or(std::cmp::Ordering::Equal));
         let spheres = agreeing_spheres(&boxes);
         let first = *spheres.first()?;
-        let rows: Vec<ViewRows> = boxes.iter().filter_map(|planes| rows_of(planes, &first, pixel_noise_size)).collect();
+        let copies = if are_near_copies(&boxes, &first) { boxes.len() as f64 } else { 0.0 };
+        let rows: Vec<ViewRows> =
+            boxes.iter().filter_map(|planes| rows_of(planes, &first, pixel_noise_size, copies)).collect();
         if rows.len() < 2 {
             return None;
         }
@@ -160,8 +204,15 @@ impl Rows {
     }
 }
 
+/// Whether all cameras see a sphere from about the same side.
+fn are_near_copies(boxes: &[BoxPlanes], sphere: &Sphere) -> bool {
+    let rays: Vec<Vector3<f64>> = boxes.iter().map(|planes| (sphere.center - planes.camera).normalize()).collect();
+    let apart = MAX_COPIES_ANGLE.cos();
+    rays.iter().enumerate().all(|(k, a)| rays[..k].iter().all(|b| a.dot(b) > apart))
+}
+
 /// The planes in the frame of a sphere, unless that is not in front of the camera.
-fn rows_of(planes: &BoxPlanes, frame: &Sphere, pixel_noise_size: f64) -> Option<ViewRows> {
+fn rows_of(planes: &BoxPlanes, frame: &Sphere, pixel_noise_size: f64, copies: f64) -> Option<ViewRows> {
     let depth = planes.depth(&frame.center);
     if depth.is_nan() || depth <= MIN_RADII * frame.radius {
         return None;
@@ -186,6 +237,7 @@ fn rows_of(planes: &BoxPlanes, frame: &Sphere, pixel_noise_size: f64) -> Option<
         own: Lanes(shift.map(|shift| if shift == 0.0 { 1.0 } else { FRAC_1_SQRT_2 })),
         opposite: Lanes(shift.map(|shift| -shift * FRAC_1_SQRT_2)),
     };
+    let length = Lanes(std::array::from_fn(|edge| planes.normal[edge].norm() * scaled));
     let normal = std::array::from_fn(|k| Lanes(std::array::from_fn(|edge| planes.normal[edge][k] * scaled)));
     Some(ViewRows {
         normal,
@@ -193,7 +245,9 @@ fn rows_of(planes: &BoxPlanes, frame: &Sphere, pixel_noise_size: f64) -> Option<
         residual_offset: pairing.residuals(Lanes(std::array::from_fn(at_origin))),
         pairing,
         shift: Lanes(shift),
-        length: Lanes(std::array::from_fn(|edge| planes.normal[edge].norm() * scaled)),
+        length,
+        copies,
+        squared_length: pairing.variances(length * length),
         depth_slope: (planes.axis * (frame.radius / depth)).into(),
         truncated: planes.truncated,
         occluded: planes.occluded,
