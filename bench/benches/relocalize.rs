@@ -36,6 +36,7 @@ fn main() {
             body: *body,
             covariance: None,
             category: category_of(object),
+            correction: None,
         });
         let map = LandmarkMap::new(landmarks.collect());
         let mut times = Vec::new();

@@ -2,7 +2,7 @@
 
 use quadlift::geometry::{CamFromWorld, rotation_vector};
 use quadlift::nalgebra::{Matrix6, Rotation3, Unit, Vector3, Vector6};
-use quadlift::relocalize::{Gravity, Landmark, LandmarkMap, LocateOptions, LocateStatus, Query, QueryBox};
+use quadlift::relocalize::{Gravity, Landmark, LandmarkMap, LocateOptions, LocateStatus, Query, QueryBox, correct};
 use quadlift::scene::Scene;
 use quadlift::{LocalizeOptions, localize};
 
@@ -94,15 +94,17 @@ pub(crate) fn divide(scene: &Scene, split: Split, options: &LocalizeOptions) -> 
     let mut half = scene.clone();
     half.edit(|parts| parts.detections.retain(|d| of_map[d.frame_index as usize] && d.object_index.is_some()))?;
     let found = localize(&half, options)?;
-    let mut objects = Vec::new();
+    let (mut objects, mut places) = (Vec::new(), Vec::new());
     let mut landmarks = Vec::new();
     for estimate in &found.estimates {
         let category = estimate.category_index.map(|index| half.categories[index].clone());
         if let Some(landmark) = Landmark::from_estimate(estimate, category) {
             objects.push(half.object_ids[estimate.object_index].clone());
+            places.push(estimate.object_index);
             landmarks.push(landmark);
         }
     }
+    correct(&mut landmarks, &half, &places);
     let mut images = Vec::new();
     for (index, frame) in scene.frames.iter().enumerate().filter(|(index, _)| !of_map[*index]) {
         let (Some(truth), Some(intrinsics)) = (frame.projection.camera_pose(), frame.projection.intrinsics()) else {
@@ -120,8 +122,8 @@ pub(crate) fn divide(scene: &Scene, split: Split, options: &LocalizeOptions) -> 
         images.push(Image { query, truth, seen });
     }
     Ok(MapAndImages {
+        options: LocateOptions::with_noise(&found.noise, &landmarks),
         map: LandmarkMap::new(landmarks),
-        options: LocateOptions::with_noise(&found.noise),
         up: scene.up,
         images,
     })

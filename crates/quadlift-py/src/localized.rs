@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use numpy::PyArray1;
@@ -13,13 +13,14 @@ use quadlift::association::Association;
 use quadlift::cross_validation::{Extent, ObjectCrossValidation};
 use quadlift::geometry::{Body, quaternion_from_rotation};
 use quadlift::nalgebra::{Unit, Vector3};
-use quadlift::relocalize::{Landmark, LandmarkMap, LocateOptions};
+use quadlift::relocalize::{LandmarkMap, LocateOptions};
 use quadlift::run::{Run, RunError};
 use quadlift::scene::Scene;
 use quadlift::solve::{Alternative, Estimate, Rejection};
 use quadlift_io::SceneFile;
 use quadlift_io::evaluation::{Matching, evaluate_objects};
 use quadlift_io::python::{Correcting, in_python};
+use quadlift_io::relocalize::ObjectLandmarks;
 use quadlift_io::run::{FileInput, FileOptions, FileRun, FileRunError, run_file};
 use quadlift_io::scene_file::coordinates_name;
 use quadlift_report::{Content, Scores, page, report};
@@ -45,7 +46,12 @@ pub struct PyLocalized {
     source: Option<u32>,
     /// Time that the library took, seconds.
     seconds: f64,
+    /// The objects in which images are located, made for the first of them.
+    map: OnceLock<Result<Landmarks, String>>,
 }
+
+/// Ids of landmarks, the map of them, and options with its noise.
+type Landmarks = (Vec<String>, LandmarkMap, LocateOptions);
 
 /// Runs all steps on a scene, like the program; `loaded` is the scene as it was given.
 pub(crate) fn localized(
@@ -68,7 +74,7 @@ pub(crate) fn localized(
             error => Err(in_words(&error, &input.context)),
         }
     })?;
-    Ok(PyLocalized { loaded, run, source, seconds: start.elapsed().as_secs_f64() })
+    Ok(PyLocalized { loaded, run, source, seconds: start.elapsed().as_secs_f64(), map: OnceLock::new() })
 }
 
 impl PyLocalized {
@@ -83,6 +89,13 @@ impl PyLocalized {
 
     fn association(&self) -> Option<&Association> {
         self.run.run.association.as_ref()
+    }
+
+    /// As the program makes them of the result.
+    fn landmarks(&self) -> Result<Landmarks, String> {
+        let ObjectLandmarks { ids, landmarks, .. } = self.file().to_landmarks().map_err(|error| error.to_string())?;
+        let options = LocateOptions::with_noise(&self.localization().noise, &landmarks);
+        Ok((ids, LandmarkMap::new(landmarks), options))
     }
 
     /// The result as a file: as the program writes it.
@@ -190,17 +203,11 @@ impl PyLocalized {
 
     /// The camera of an image in the map that the estimates are, and the ids of the objects that it names by their positions.
     fn relocalize<'py>(&self, py: Python<'py>, query: LocateQuery) -> PyResult<(Bound<'py, PyDict>, Vec<&str>)> {
-        let scene = self.scene();
-        let landmark = |estimate: &Estimate| {
-            let category = estimate.category_index.map(|index| scene.categories[index].clone());
-            let id = scene.object_ids[estimate.object_index].as_str();
-            Some((id, Landmark::from_estimate(estimate, category)?))
-        };
-        let (ids, landmarks): (Vec<&str>, Vec<Landmark>) =
-            self.localization().estimates.iter().filter_map(landmark).unzip();
+        let (ids, map, of_map) = self.map.get_or_init(|| self.landmarks()).as_ref().map_err(|error| refuse(error))?;
         let rows: Vec<usize> = (0..ids.len()).collect();
-        let (boxes, options) = (query.query()?, query.options(LocateOptions::with_noise(&self.localization().noise))?);
-        let located = py.detach(|| LandmarkMap::new(landmarks).relocalize(&boxes, &options));
+        let (boxes, options) = (query.query()?, query.options(of_map.clone())?);
+        let located = py.detach(|| map.relocalize(&boxes, &options));
+        let ids = ids.iter().map(String::as_str).collect();
         Ok((location(py, &located, boxes.boxes.len(), &rows)?, ids))
     }
 

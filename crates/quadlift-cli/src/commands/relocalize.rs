@@ -124,7 +124,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     if map.landmarks.is_empty() {
         bail!("{}: {}", args.map_file.display(), no_objects(&map));
     }
-    let options = options(args, &map_file)?;
+    let options = options(args, &map_file, &map)?;
     let mut file = read(&args.query)?;
     check_not_read(&args.output)?;
     let scene = file.to_queries(args.include_posed).map_err(|error| error.in_file(&args.query))?;
@@ -232,7 +232,7 @@ fn mistake_record(mistake: &CommonMistake) -> Value {
 }
 
 /// The options of all frames; the direction of gravity may be that of a frame.
-fn options(args: &Args, map_file: &SceneFile) -> anyhow::Result<LocateOptions> {
+fn options(args: &Args, map_file: &SceneFile, map: &ObjectLandmarks) -> anyhow::Result<LocateOptions> {
     let up = map_file.up.and_then(|up| Unit::try_new(Vector3::from(up), 1e-9));
     let needs_up = |option: &str| format!("{option} needs the direction `up` in {}", args.map_file.display());
     let gravity = match args.up_in_camera.map(|direction| (Unit::try_new(Vector3::from(direction), 1e-9), up)) {
@@ -252,7 +252,9 @@ fn options(args: &Args, map_file: &SceneFile) -> anyhow::Result<LocateOptions> {
     };
     let noise = match args.edge_noise {
         Some(edge_noise) => LocateOptions { edge_noise, ..Default::default() },
-        None => map_file.noise_levels().map_or_else(|_| Default::default(), |noise| LocateOptions::with_noise(&noise)),
+        None => map_file
+            .noise_levels()
+            .map_or_else(|_| Default::default(), |noise| LocateOptions::with_noise(&noise, &map.landmarks)),
     };
     Ok(LocateOptions { gravity, height, ..noise })
 }

@@ -96,7 +96,39 @@ fn objects_that_were_localized_become_landmarks() {
     let body = |k: usize| (map.landmarks[k].body.kind, map.landmarks[k].body.half_extents);
     assert_eq!(body(0), (BodyKind::Ellipsoid, Vector3::new(1.0, 1.0, 2.0)));
     assert_eq!(body(1), (BodyKind::Cuboid, Vector3::repeat(1.0)));
-    let options = LocateOptions::with_noise(&file.noise_levels().unwrap());
+    let options = LocateOptions::with_noise(&file.noise_levels().unwrap(), &map.landmarks);
     assert!(options.edge_noise == 0.03 && options.edge_noise_px == 2.0);
     assert!((options.common_share - 0.36).abs() < 1e-12);
+}
+
+/// A ball in four images, whose boxes are a fifth larger than the body.
+const MAP: &str = r#"{"format": "quadlift.scene", "version": 1,
+    "cameras": [{"id": "c", "model": "PINHOLE", "width": 640, "height": 480, "params": [500, 500, 320, 240]}],
+    "frames": [
+        {"id": "a", "camera": "c", "cam_from_world": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 10]]},
+        {"id": "b", "camera": "c", "cam_from_world": [[0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 10]]},
+        {"id": "c", "camera": "c", "cam_from_world": [[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 10]]},
+        {"id": "d", "camera": "c"}
+    ],
+    "detections": [
+        {"frame": "a", "object": "ball", "box": [260, 180, 380, 300]},
+        {"frame": "b", "object": "ball", "box": [260, 180, 380, 300]},
+        {"frame": "c", "object": "ball", "box": [260, 180, 380, 300]}
+    ],
+    "objects": [{"id": "ball", "status": "ok", "ellipsoid": {"center": [0, 0, 0], "semi_axes": [1, 1, 1], "rotation": [1, 0, 0, 0]}}]}"#;
+
+#[test]
+fn estimates_are_corrected_by_the_detections_that_they_rest_on() {
+    let file = || parse_scene_file("map.json".as_ref(), MAP.as_bytes()).unwrap();
+    let is_corrected = |file: &SceneFile| file.to_landmarks().unwrap().landmarks[0].correction.is_some();
+    assert!(is_corrected(&file()));
+    let mut truth = file();
+    truth.objects[0].status = None;
+    assert!(!is_corrected(&truth), "a true body has no residuals");
+    let mut rejected = file();
+    rejected.objects[0].views_rejected = ["a", "b", "c"].map(str::to_owned).to_vec();
+    assert!(!is_corrected(&rejected));
+    let mut other = file();
+    other.localization = Some(serde_json::json!({"settings": {"source": "yolo"}}));
+    assert!(!is_corrected(&other), "its detections have no source");
 }

@@ -35,6 +35,7 @@ pub(super) fn landmarks(memory: &Memory) -> (Vec<ObjectId>, LandmarkMap) {
                 body: Ellipsoid::from_shape(center, &shape).ok()?.into(),
                 covariance: Some(Covariance { coordinates, matrix }).filter(|_| matrix.iter().all(|x| x.is_finite())),
                 category: most.and_then(|&(category, _)| memory.categories.names()[usize::from(category)].clone()),
+                correction: None,
             };
             Some((tracked.id, landmark))
         })

@@ -1,11 +1,11 @@
-//! Poses to try: from three boxes (two with gravity) that may show three objects.
+//! Poses to try: from three boxes that may show three objects; with gravity from two as well.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::prepared::{Candidate, PreparedQuery};
 use super::refine::{Match, Predicted, refine};
-use super::score::{gain, predictions};
-use super::{Gravity, LandmarkMap, Query, QueryBox};
+use super::score::gain;
+use super::{LandmarkMap, Query, QueryBox};
 use crate::geometry::rigid::Pose;
 use crate::geometry::rotation::{between, nearest_turn};
 use crate::optimize::bits::{after, count, ones};
@@ -20,17 +20,17 @@ const MAX_ROUNDS: usize = 100;
 /// Comparisons of boxes with landmarks for all poses, about, which bounds the time in large maps to seconds.
 const MAX_COMPARISONS: usize = 50_000_000;
 
-/// Groups of a round that are refined at most: those with the most support.
-const REFINED_OF_ROUND: usize = 1000;
+/// Groups of a round that are refined at most: those with the most support, of these the nearest to their boxes.
+const REFINED_OF_ROUND: usize = 100;
 
 /// By how much edges may be off before a group is refined, relative to the half size of the box.
-const MAX_OFF: f64 = 0.3;
+const MAX_OFF: f64 = 1.0;
 
 /// Steps to the depths of three candidates. Standard deviation of a depth, relative to its range, and of the distance of two landmarks,
 /// relative to it: what errors of boxes do, about. The largest sum of squares.
 const DEPTH_STEPS: usize = 3;
 const DEPTH_SD: f64 = 0.25;
-const DISTANCE_SD: f64 = 0.03;
+const DISTANCE_SD: f64 = 0.06;
 const MAX_TRIANGLE_COST: f64 = 20.0;
 
 /// Candidates that hypotheses are made of, about: of more, those of the boxes that may show the fewest landmarks.
@@ -78,10 +78,10 @@ impl Budget {
     }
 }
 
-/// The groups of candidates that may give a pose: triples, or pairs where gravity is known.
+/// The groups of candidates that may give a pose: triples, and pairs where gravity is known.
 pub(super) struct Groups {
     graph: Compatible,
-    size: usize,
+    with_pairs: bool,
     /// Pairs of candidates, with the number of groups that begin with them or with pairs before.
     ends: Vec<([u16; 2], usize)>,
 }
@@ -89,14 +89,14 @@ pub(super) struct Groups {
 impl Groups {
     pub(super) fn new(query: &PreparedQuery) -> Self {
         let graph = Compatible::new(query);
-        let size = if query.gravity.is_some() { 2 } else { 3 };
+        let with_pairs = query.gravity.is_some();
         let mut all = 0;
         let mut ends = Vec::new();
         for pair in graph.pairs() {
-            all += if size == 2 { 1 } else { count(graph.thirds(pair)) };
+            all += usize::from(with_pairs) + count(graph.thirds(pair));
             ends.push((pair, all));
         }
-        Self { graph, size, ends }
+        Self { graph, with_pairs, ends }
     }
 
     /// One group of so many belongs to a round.
@@ -122,12 +122,9 @@ impl Groups {
             let first = (before + step - 1 - round) / step * step + round;
             if first < end {
                 let [i, j] = pair.map(usize::from);
-                if self.size == 2 {
-                    groups.push(vec![i, j]);
-                } else {
-                    let thirds = ones(self.graph.thirds(pair)).skip(first - before).step_by(step);
-                    groups.extend(thirds.map(|k| vec![i, j, k]));
-                }
+                let pair_alone = self.with_pairs.then(|| vec![i, j]);
+                let triples = ones(self.graph.thirds(pair)).map(|k| vec![i, j, k]);
+                groups.extend(pair_alone.into_iter().chain(triples).skip(first - before).step_by(step));
             }
             before = end;
         }
@@ -139,26 +136,26 @@ impl Groups {
 pub(super) fn starts(query: &PreparedQuery, groups: &Groups, round: usize, budget: &mut Budget) -> Vec<Pose> {
     let graph = &groups.graph;
     let begun = |group: Vec<usize>| {
-        let member = |k: usize| &query.candidates[graph.places[group[k]]];
-        let start = match &query.gravity {
-            None => of_triangle(query, [member(0), member(1), member(2)])?,
-            Some(gravity) => of_pair(query, [member(0), member(1)], gravity)?,
-        };
-        (0..group.len()).all(|k| is_near(query, &start, member(k))).then_some((group, start))
+        let members: Vec<&Candidate> = group.iter().map(|&place| &query.candidates[graph.places[place]]).collect();
+        let largest = |start: &Pose| members.iter().map(|member| off(query, start, member)).fold(0.0, f64::max);
+        let starts = of_group(query, &members).into_iter().map(|start| (largest(&start), start));
+        let near: Vec<(f64, Pose)> = starts.filter(|(off, _)| *off < MAX_OFF).collect();
+        let support = if near.is_empty() { 0 } else { graph.support(&group) };
+        near.into_iter().map(move |(off, start)| (support, off, group.clone(), start))
     };
-    let mut begun: Vec<(Vec<usize>, Pose)> = groups.of_round(round).into_iter().filter_map(begun).collect();
-    begun.sort_by_cached_key(|(group, _)| std::cmp::Reverse(graph.support(group)));
+    let mut begun: Vec<(usize, f64, Vec<usize>, Pose)> = groups.of_round(round).into_iter().flat_map(begun).collect();
+    begun.stable_sort_by(|a, b| b.0.cmp(&a.0).then(a.1.total_cmp(&b.1)));
     begun.truncate(REFINED_OF_ROUND);
     let mut scored: Vec<(f64, Pose)> = begun
         .into_iter()
-        .filter_map(|(group, start)| {
+        .filter_map(|(_, _, group, start)| {
             if budget.is_spent() {
                 return None;
             }
             let matches = group.iter().map(|&place| &query.candidates[graph.places[place]]);
             let matches: Vec<Match> = matches.map(|c| Match::new(query, c.query_box, c.landmark)).collect();
             let refined = refine(query, start, &matches, STEPS)?;
-            (refined.cost < MAX_COST * 4.0 * matches.len() as f64).then(|| {
+            (refined.edge_cost < MAX_COST * 4.0 * matches.len() as f64).then(|| {
                 budget.spend(1);
                 (quick_score(query, &refined.pose), refined.pose)
             })
@@ -177,19 +174,21 @@ pub(super) fn starts(query: &PreparedQuery, groups: &Groups, round: usize, budge
     chosen
 }
 
-/// Whether the box of a landmark is about as measured.
-fn is_near(query: &PreparedQuery, pose: &Pose, candidate: &Candidate) -> bool {
-    let Some(predicted) = Predicted::new(pose, &query.map.landmarks()[candidate.landmark].body) else { return false };
-    predicted.is_within(&query.boxes[candidate.query_box], MAX_OFF)
+/// How far the edges of a landmark are from those of its box, at most, in half sizes of the box; infinite where it has none.
+fn off(query: &PreparedQuery, pose: &Pose, candidate: &Candidate) -> f64 {
+    let predicted = Predicted::new(pose, &query.map.landmarks()[candidate.landmark].body);
+    predicted.map_or(f64::INFINITY, |predicted| predicted.off(&query.boxes[candidate.query_box]))
 }
 
 /// The sum of the best gain of each box.
 fn quick_score(query: &PreparedQuery, pose: &Pose) -> f64 {
-    let predicted = predictions(query, pose);
+    // Bodies are near enough, and several times as quick as corrected ones.
+    let of_body = |landmark| Predicted::of_body(query, pose, landmark);
+    let predicted: Vec<Option<Predicted>> = (0..query.map.landmarks().len()).map(of_body).collect();
     let best = |(index, alike): (usize, &Vec<usize>)| {
         let gains = alike.iter().filter_map(|&landmark| {
             let prediction = predicted[landmark].as_ref()?;
-            let is_near = prediction.is_within(&query.boxes[index], QUICK_REACH);
+            let is_near = prediction.off(&query.boxes[index]) < QUICK_REACH;
             is_near.then(|| gain(query, prediction, &Match::new(query, index, landmark), WIDEN))
         });
         gains.fold(0.0, f64::max)
@@ -288,14 +287,70 @@ fn distances(a: &Candidate, b: &Candidate) -> [f64; 2] {
     [distance(x, y) * (1.0 - 1e-3), most]
 }
 
-/// The pose of a camera that sees three landmarks: with the depths that sizes and the distances of the landmarks ask for. `None` where
-/// these contradict each other.
-fn of_triangle(query: &PreparedQuery, members: [&Candidate; 3]) -> Option<Pose> {
+/// Poses of a camera that sees the landmarks of a group.
+fn of_group(query: &PreparedQuery, members: &[&Candidate]) -> Vec<Pose> {
+    let depths = match members {
+        [a, b, c] => of_triangle(query, [a, b, c]),
+        _ => vec![members.iter().map(|member| member.depths[1]).collect()],
+    };
+    let world: Vec<Vector3<f64>> = members.iter().map(|member| query.map.center(member.landmark)).collect();
+    let pose = |depths: Vec<f64>| {
+        let camera: Vec<Vector3<f64>> =
+            members.iter().zip(&depths).map(|(member, depth)| member.ray * *depth).collect();
+        let weights: Vec<f64> = depths.iter().map(|depth| 1.0 / (depth * depth)).collect();
+        let total: f64 = weights.iter().sum();
+        let mean =
+            |points: &[Vector3<f64>]| points.iter().zip(&weights).map(|(p, w)| p * *w).sum::<Vector3<f64>>() / total;
+        let (middle, world_middle) = (mean(&camera), mean(&world));
+        let rotation = match &query.gravity {
+            None => axes(&camera)? * axes(&world)?.transpose(),
+            Some(gravity) => {
+                // The camera turned upright, then a turn about the vertical.
+                let upright = between(&gravity.up_in_camera, &gravity.up_in_world);
+                let mut spread = Matrix3::zeros();
+                for k in 0..members.len() {
+                    let off = upright * (camera[k] - middle);
+                    spread.ger(weights[k], &off, &(world[k] - world_middle), 1.0);
+                }
+                upright.matrix().transpose() * nearest_turn(&spread, &gravity.up_in_world).matrix()
+            }
+        };
+        let translation = middle - rotation * world_middle;
+        translation.iter().chain(&rotation).all(|x| x.is_finite()).then_some(Pose { rotation, translation })
+    };
+    depths.into_iter().filter_map(pose).collect()
+}
+
+/// Axes of a triangle; `None` of a pair.
+fn axes(points: &[Vector3<f64>]) -> Option<Matrix3<f64>> {
+    let [a, b, c] = points else { return None };
+    let x = (b - a).normalize();
+    let z = x.cross(&(c - a)).normalize();
+    Some(Matrix3::from_columns(&[x, z.cross(&x), z]))
+}
+
+/// The depths of three landmarks that sizes and the distances of the landmarks ask for; none where these contradict each other. A triangle
+/// that leans the other way looks nearly the same: both are tried.
+fn of_triangle(query: &PreparedQuery, members: [&Candidate; 3]) -> Vec<Vec<f64>> {
+    let from = |start: Vector3<f64>| depths_of_triangle(query, members, start);
+    let Some((first, cost)) = from(Vector3::from(members.map(|member| member.depths[1]))) else { return Vec::new() };
+    let other = from(first.map(|depth| 2.0 * first.mean() - depth));
+    let agree = |(depths, cost): &(Vector3<f64>, f64)| depths.min() > 0.0 && *cost < MAX_TRIANGLE_COST;
+    let all = [Some((first, cost)), other].into_iter().flatten().filter(agree);
+    all.map(|(depths, _)| depths.iter().copied().collect()).collect()
+}
+
+/// Depths near a start, and the sum of squares.
+fn depths_of_triangle(
+    query: &PreparedQuery,
+    members: [&Candidate; 3],
+    start: Vector3<f64>,
+) -> Option<(Vector3<f64>, f64)> {
     let world = members.map(|c| query.map.center(c.landmark));
     let sides = [[0, 1], [0, 2], [1, 2]].map(|[i, j]| (i, j, (world[i] - world[j]).norm()));
     let sizes = Vector3::from(members.map(|c| c.depths[1]));
     let sds = Vector3::from(members.map(|c| DEPTH_SD * (c.depths[2] - c.depths[0])));
-    let (mut depths, mut cost) = (sizes, 0.0);
+    let (mut depths, mut cost) = (start, 0.0);
     for _ in 0..DEPTH_STEPS {
         let off = (depths - sizes).component_div(&sds);
         let mut hessian = Matrix3::from_diagonal(&sds.map(|sd| 1.0 / (sd * sd)));
@@ -314,36 +369,5 @@ fn of_triangle(query: &PreparedQuery, members: [&Candidate; 3]) -> Option<Pose> 
         }
         depths -= hessian.cholesky()?.solve(&gradient);
     }
-    if !(depths.min() > 0.0 && cost < MAX_TRIANGLE_COST) {
-        return None;
-    }
-    let camera = [0, 1, 2].map(|k| members[k].ray * depths[k]);
-    let axes = |[a, b, c]: &[Vector3<f64>; 3]| {
-        let x = (b - a).normalize();
-        let z = x.cross(&(c - a)).normalize();
-        Matrix3::from_columns(&[x, z.cross(&x), z])
-    };
-    let rotation = axes(&camera) * axes(&world).transpose();
-    let mean = |points: [Vector3<f64>; 3]| points.into_iter().sum::<Vector3<f64>>() / 3.0;
-    let translation = mean(camera) - rotation * mean(world);
-    translation.iter().chain(&rotation).all(|x| x.is_finite()).then_some(Pose { rotation, translation })
-}
-
-/// The pose that brings two landmarks nearest to the points where sizes place them, with known gravity.
-fn of_pair(query: &PreparedQuery, members: [&Candidate; 2], gravity: &Gravity) -> Option<Pose> {
-    let weights = members.map(|c| 1.0 / (c.depths[1] * c.depths[1]));
-    let mean =
-        |points: [Vector3<f64>; 2]| (points[0] * weights[0] + points[1] * weights[1]) / (weights[0] + weights[1]);
-    let camera = members.map(|c| c.ray * c.depths[1]);
-    let world = members.map(|c| query.map.center(c.landmark));
-    let (middle, world_middle) = (mean(camera), mean(world));
-    // The camera turned upright, then a turn about the vertical.
-    let up = gravity.up_in_world;
-    let upright = between(&gravity.up_in_camera, &up);
-    let spread = (0..2).fold(Matrix3::zeros(), |sum: Matrix3<f64>, k| {
-        sum + upright.matrix() * (camera[k] - middle) * (world[k] - world_middle).transpose() * weights[k]
-    });
-    let rotation = upright.matrix().transpose() * nearest_turn(&spread, &up).matrix();
-    let translation = middle - rotation * world_middle;
-    translation.iter().all(|x| x.is_finite()).then_some(Pose { rotation, translation })
+    Some((depths, cost))
 }

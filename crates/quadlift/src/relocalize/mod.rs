@@ -20,6 +20,7 @@
 //!     },
 //!     covariance: None,
 //!     category: Some(format!("thing {size}")),
+//!     correction: None,
 //! };
 //! let landmarks = vec![
 //!     landmark(0.0, 0.0, 5.0, 0.3),
@@ -58,7 +59,8 @@ use self::hypotheses::{Budget, Groups, MATCHED};
 use self::prepared::PreparedQuery;
 use crate::geometry::rigid::Pose;
 use crate::geometry::{Body, BoundingBox, CamFromWorld, Intrinsics};
-use crate::solve::{Covariance, Estimate, NoiseModel, Status};
+use crate::scene::{Scene, View};
+use crate::solve::{BORDER_MARGIN, Covariance, Estimate, NoiseModel, Status, SupportCorrection};
 use crate::tuning::CLEAR;
 
 /// An object of the map whose place is known.
@@ -70,6 +72,8 @@ pub struct Landmark {
     pub covariance: Option<Covariance>,
     /// Boxes of other categories are not this object. Without one any box may be.
     pub category: Option<String>,
+    /// How much farther than its body it reaches, where views have shown that ([`correct`]).
+    pub correction: Option<SupportCorrection>,
 }
 
 /// A box of an image whose camera is sought.
@@ -126,7 +130,7 @@ pub struct LocateOptions {
     /// Share of the variance of edges that all images of an object have in common, because its body in the map is not quite its own;
     /// in [0, 1). Evidence of several images counts less by it ([`LandmarkMap::common_mistake`]).
     pub common_share: f64,
-    /// Direction against gravity: two objects are then enough.
+    /// Direction against gravity: two objects are then enough, more are examined as without it.
     pub gravity: Option<Gravity>,
     /// Height of the camera.
     pub height: Option<CameraHeight>,
@@ -231,7 +235,7 @@ impl Landmark {
     /// An object that was localized; `None` where it was not (its status is not [`Status::Ok`]).
     pub fn from_estimate(estimate: &Estimate, category: Option<String>) -> Option<Self> {
         (estimate.status == Status::Ok).then_some(())?;
-        Some(Self { body: estimate.body?, covariance: estimate.covariance, category })
+        Some(Self { body: estimate.body?, covariance: estimate.covariance, category, correction: None })
     }
 
     /// Whether a box of this category may show it.
@@ -240,15 +244,43 @@ impl Landmark {
     }
 }
 
+/// Corrects the supports of landmarks by the residuals of the views of a scene (docs/method.md, section 13), which predicts boxes, and
+/// locates images, more exactly. The detections of the scene are those that the bodies were estimated from; `objects` are the indices of the
+/// landmarks in [`crate::scene::SceneParts::object_ids`].
+pub fn correct(landmarks: &mut [Landmark], scene: &Scene, objects: &[usize]) {
+    let hidden = scene.occluded_edges(|_| true);
+    let groups = scene.detections_by_object(|_| true);
+    let views = |&object: &usize| -> Vec<View> {
+        let view = |&detection: &u32| View {
+            occluded_edges: hidden[detection as usize],
+            ..scene.view(&scene.detections[detection as usize]).within_margin(BORDER_MARGIN)
+        };
+        groups.get(object).map_or_else(Vec::new, |group| group.iter().map(view).collect())
+    };
+    let bodies: Vec<(&Body, Vec<View>)> =
+        landmarks.iter().zip(objects).map(|(landmark, object)| (&landmark.body, views(object))).collect();
+    let corrections = SupportCorrection::of_all(&bodies);
+    landmarks.iter_mut().zip(corrections).for_each(|(landmark, correction)| landmark.correction = correction);
+}
+
 impl LocateOptions {
     /// The noise of boxes as it was estimated with a map ([`crate::solve::SceneSolution::noise`]), where it was. Errors that the views of an object
     /// have in common are in the covariances of the landmarks.
-    pub fn with_noise(noise: &NoiseModel) -> Self {
+    pub fn with_noise(noise: &NoiseModel, landmarks: &[Landmark]) -> Self {
         let Some(edge_noise) = noise.get("edge_noise") else { return Self::default() };
         let edge_noise_px = noise.get("edge_noise_px").unwrap_or(EDGE_PX);
+        let ratio = noise_ratio(landmarks);
+        let (edge_noise, edge_noise_px) = (ratio * edge_noise, ratio * edge_noise_px);
         let common = noise.get("edge_common").unwrap_or(0.0).powi(2);
         Self { edge_noise, edge_noise_px, common_share: common / (1.0 + common), ..Self::default() }
     }
+}
+
+/// Noise of edges about corrected supports over that about bodies: root mean square of the landmarks.
+fn noise_ratio(landmarks: &[Landmark]) -> f64 {
+    let ratio = |landmark: &Landmark| landmark.correction.as_ref().map_or(1.0, SupportCorrection::noise_ratio);
+    let sum: f64 = landmarks.iter().map(|landmark| ratio(landmark).powi(2)).sum();
+    if landmarks.is_empty() { 1.0 } else { (sum / landmarks.len() as f64).sqrt() }
 }
 
 impl LandmarkMap {

@@ -9,7 +9,7 @@ use crate::geometry::visible_surface::first_meeting;
 use crate::geometry::{Body, VECH3, skew, tangent_points};
 use crate::optimize::levenberg_marquardt::{Equations, Problem, minimize};
 use crate::optimize::student_t::StudentT;
-use crate::solve::CovarianceCoordinates;
+use crate::solve::{Covariance, CovarianceCoordinates, PointCorrection, SupportCorrection};
 
 /// Degrees of freedom of an edge's Student t distribution, as of `posterior`.
 pub(super) const DOF: f64 = 9.0;
@@ -32,21 +32,57 @@ pub(super) struct Predicted {
     points: [Vector3<f64>; 4],
     /// Variance of each edge from the errors of the landmark.
     variance: [f64; 4],
+    /// Share of the standard deviation of the body's errors that its views do not explain in the direction of each edge.
+    unexplained: [f64; 4],
 }
 
 impl Predicted {
     /// The box of a landmark. `None` where its body is not wholly in front of the camera.
     pub(super) fn of_landmark(query: &PreparedQuery, pose: &Pose, landmark: usize) -> Option<Self> {
-        let Landmark { body, covariance, .. } = &query.map.landmarks()[landmark];
+        let Landmark { body, covariance, correction, .. } = &query.map.landmarks()[landmark];
         let mut predicted = Self::new(pose, body)?;
-        if let Some(covariance) = covariance {
-            let slopes = predicted.body_slopes(pose, covariance.coordinates);
-            predicted.variance = std::array::from_fn(|edge| {
-                let slope = slopes.row(edge);
-                (slope * covariance.matrix).dot(&slope).max(0.0)
-            });
+        if let Some(correction) = correction {
+            predicted.correct(pose, correction)?;
         }
-        Some(predicted)
+        Some(predicted.with_variance(pose, covariance.as_ref()))
+    }
+
+    /// The same without the correction of the landmark.
+    pub(super) fn of_body(query: &PreparedQuery, pose: &Pose, landmark: usize) -> Option<Self> {
+        let Landmark { body, covariance, .. } = &query.map.landmarks()[landmark];
+        Some(Self::new(pose, body)?.with_variance(pose, covariance.as_ref()))
+    }
+
+    /// With the errors of a body beside those that are known.
+    fn with_variance(mut self, pose: &Pose, covariance: Option<&Covariance>) -> Self {
+        if let Some(covariance) = covariance {
+            let slopes = self.body_slopes(pose, covariance.coordinates);
+            for edge in 0..4 {
+                let slope = slopes.row(edge);
+                self.variance[edge] += (slope * covariance.matrix).dot(&slope).max(0.0);
+            }
+        }
+        self
+    }
+
+    /// Moves the points where the planes of the edges touch, and with them the edges, by the correction of the support. A step of Newton's
+    /// method: the planes turn with it by far less than the correction varies.
+    fn correct(&mut self, pose: &Pose, correction: &SupportCorrection) -> Option<()> {
+        for edge in 0..4 {
+            let outwards = if edge < 2 { -1.0 } else { 1.0 };
+            let mut normal = Vector3::zeros();
+            normal[edge % 2] = outwards;
+            normal[2] = -outwards * self.edges[edge];
+            let PointCorrection { shift, unexplained } = correction.along(&pose.rotation.tr_mul(&normal.normalize()));
+            self.points[edge] += pose.rotation * shift;
+            let at = self.points[edge];
+            (at.z > 0.0).then_some(())?;
+            self.edges[edge] = at[edge % 2] / at.z;
+            self.unexplained[edge] = unexplained.sqrt();
+            let sd = self.by_point(edge).norm() * correction.deviation();
+            self.variance[edge] = unexplained * sd * sd;
+        }
+        Some(())
     }
 
     /// The box of a body without errors. `None` where the body is not wholly in front of the camera.
@@ -56,13 +92,14 @@ impl Predicted {
         let body = Body { center: center.into(), rotation, ..*body };
         let points = tangent_points(&body)?.map(|point| center + point);
         let edges = std::array::from_fn(|edge| points[edge][edge % 2] / points[edge].z);
-        Some(Self { edges, body, points, variance: [0.0; 4] })
+        Some(Self { edges, body, points, variance: [0.0; 4], unexplained: [1.0; 4] })
     }
 
-    /// Whether no edge is farther from that of a box than so many of the box's half sizes.
-    pub(super) fn is_within(&self, measured: &MeasuredBox, half_sizes: f64) -> bool {
+    /// How far the edges are from those of a box, at most, in half sizes of the box; infinite where a number is not finite.
+    pub(super) fn off(&self, measured: &MeasuredBox) -> f64 {
         let half = measured.half_size();
-        (0..4).all(|edge| (self.edges[edge] - measured.edges[edge]).abs() < half_sizes * half[edge % 2])
+        let off = (0..4).map(|edge| (self.edges[edge] - measured.edges[edge]).abs() / half[edge % 2]);
+        off.map(|x| if x.is_finite() { x } else { f64::INFINITY }).fold(0.0, f64::max)
     }
 
     /// The normal l = (1, 0, -x) of the plane of an edge at x, over the depth of the point that touches it: how far the edge goes when that
@@ -119,8 +156,8 @@ impl Predicted {
                     std::array::from_fn(|k| if k < 3 { by_turn[k] } else { by_size[k - 3] })
                 }
             };
-            (0..3).for_each(|k| slopes[(edge, k)] = in_world[k]);
-            (0..6).for_each(|k| slopes[(edge, 3 + k)] = of_shape[k]);
+            (0..3).for_each(|k| slopes[(edge, k)] = self.unexplained[edge] * in_world[k]);
+            (0..6).for_each(|k| slopes[(edge, 3 + k)] = self.unexplained[edge] * of_shape[k]);
         }
         slopes
     }
@@ -163,6 +200,7 @@ pub(super) fn edge_residuals(query: &PreparedQuery, predicted: &Predicted, of: &
     })
 }
 
+/// The equations of the edges, and of what is known beside them.
 fn equations(query: &PreparedQuery, pose: &Pose, matches: &[Match]) -> Option<Equations<6>> {
     let mut all = Equations::zero();
     let student_t = StudentT::new(DOF);
@@ -178,12 +216,12 @@ fn equations(query: &PreparedQuery, pose: &Pose, matches: &[Match]) -> Option<Eq
             all.hessian += slope * slope.transpose() * weight;
         }
     }
+    all.cost += known_cost(query, pose);
     if let Some(gravity) = &query.gravity {
         let up = pose.rotation * gravity.up_in_world.into_inner();
         let measured = gravity.up_in_camera.into_inner();
         let residual = up.cross(&measured) / gravity.sd;
         let slope = skew(&measured) * skew(&up) / gravity.sd;
-        all.cost += residual.norm_squared();
         let mut gradient = all.gradient.fixed_rows_mut::<3>(0);
         gradient += slope.tr_mul(&residual);
         let mut hessian = all.hessian.fixed_view_mut::<3, 3>(0, 0);
@@ -194,13 +232,25 @@ fn equations(query: &PreparedQuery, pose: &Pose, matches: &[Match]) -> Option<Eq
         // The center is -R^T t. A turn in the frame of the camera turns both `up` and `t`.
         let residual = (-up.dot(&pose.translation) - known.height) / known.sd;
         let slope = -up / known.sd;
-        all.cost += residual * residual;
         let mut gradient = all.gradient.fixed_rows_mut::<3>(3);
         gradient += slope * residual;
         let mut hessian = all.hessian.fixed_view_mut::<3, 3>(3, 3);
         hessian += slope * slope.transpose();
     }
     all.cost.is_finite().then_some(all)
+}
+
+/// Squared deviations of a pose from the directions and heights that are known.
+pub(super) fn known_cost(query: &PreparedQuery, pose: &Pose) -> f64 {
+    let of_gravity = query.gravity.as_ref().map_or(0.0, |known| {
+        let up = pose.rotation * known.up_in_world.into_inner();
+        up.cross(&known.up_in_camera).norm_squared() / (known.sd * known.sd)
+    });
+    let of_height = query
+        .height
+        .as_ref()
+        .map_or(0.0, |known| ((pose.center().dot(&known.up_in_world) - known.height) / known.sd).powi(2));
+    of_gravity + of_height
 }
 
 /// Covariance of a motion of a pose from its `information` (see [`Refined`]), which takes the errors of edges for independent: those of
@@ -241,7 +291,8 @@ pub(super) struct Refined {
     pub pose: Pose,
     /// Inverse covariance of a motion of the pose: rotation vector, shift, in the frame of the camera.
     pub information: Matrix6<f64>,
-    pub cost: f64,
+    /// Cost of the edges: that of a known direction or height has its own weight.
+    pub edge_cost: f64,
 }
 
 /// Boxes of a query, and the landmarks that they are taken for.
@@ -272,7 +323,8 @@ impl Problem for Matched<'_> {
 /// The pose near a start at which the matched boxes agree best; `None` where a body is not in front of the camera.
 pub(super) fn refine(query: &PreparedQuery, start: Pose, matches: &[Match], steps: usize) -> Option<Refined> {
     let found = minimize(&Matched { query, matches }, start, steps)?;
-    Some(Refined { pose: found.state, information: found.equations.hessian, cost: found.equations.cost })
+    let edge_cost = found.equations.cost - known_cost(query, &found.state);
+    Some(Refined { pose: found.state, information: found.equations.hessian, edge_cost })
 }
 
 #[cfg(test)]

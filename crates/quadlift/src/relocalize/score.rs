@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use super::LocatedPose;
 use super::prepared::PreparedQuery;
-use super::refine::{Match, Predicted, covariance, edge_residuals, refine};
+use super::refine::{Match, Predicted, covariance, edge_residuals, known_cost, refine};
 use crate::geometry::linalg::invert_spd;
 use crate::geometry::rigid::Pose;
 use crate::optimize::matching::{Pair, best_pairs};
@@ -146,16 +146,14 @@ pub(super) fn located(query: &PreparedQuery, start: Pose) -> Option<LocatedPose>
     let mut evidence = gains + log_missed(query, &matches, &predicted);
     // Laplace's approximation: the share of all poses that this one takes.
     evidence += 3.0 * TAU.ln() - 0.5 * log_determinant - log_volume(query);
+    evidence -= 0.5 * known_cost(query, &pose);
     if let Some(gravity) = &query.gravity {
-        let up = pose.rotation * gravity.up_in_world.into_inner();
-        let off = up.cross(&gravity.up_in_camera.into_inner()).norm() / gravity.sd;
         // Against a direction that is anywhere on the sphere.
-        evidence += (4.0 * PI / (TAU * gravity.sd * gravity.sd)).ln() - 0.5 * off * off;
+        evidence += (4.0 * PI / (TAU * gravity.sd * gravity.sd)).ln();
     }
     if let Some(known) = &query.height {
-        let off = (pose.center().dot(&known.up_in_world) - known.height) / known.sd;
         // Against a height that is anywhere in the range of positions.
-        evidence += log_range(query) - (TAU.sqrt() * known.sd).ln() - 0.5 * off * off;
+        evidence += log_range(query) - (TAU.sqrt() * known.sd).ln();
     }
     let covariance = covariance(query, &pose, &matches, &information)?;
     evidence.is_finite().then_some(()).and_then(|()| pose.checked()).map(|cam_from_world| LocatedPose {
@@ -192,7 +190,7 @@ mod tests {
     fn ball(x: f64, y: f64, z: f64, radius: f64) -> Landmark {
         let center = Point3::new(x, y, z);
         let ellipsoid = Ellipsoid { center, semi_axes: Vector3::repeat(radius), rotation: Rotation3::identity() };
-        Landmark { body: ellipsoid.into(), covariance: None, category: None }
+        Landmark { body: ellipsoid.into(), covariance: None, category: None, correction: None }
     }
 
     /// The box of a ball, with edges that are off by some pixels.

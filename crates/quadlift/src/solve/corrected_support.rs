@@ -4,7 +4,7 @@
 //! that touches the body. These residuals are a Gaussian process over the directions of the planes. Near edges it follows them; where
 //! nothing was seen it is zero, and the body stands.
 
-use nalgebra::{Matrix3, Matrix3x4, Vector3, Vector4};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix3x4, Vector3, Vector4};
 
 use super::conditioning::ObjectFrame;
 use crate::geometry::{Body, ConvexBody, TangentLines, edge_plane, support_plane};
@@ -12,10 +12,10 @@ use crate::optimize::median::median;
 use crate::scene::View;
 
 /// Reach of the process: its correlation falls to 61 % over a chord of this length between unit directions.
-const REACH: f64 = 0.3;
+pub(super) const REACH: f64 = 0.3;
 
 /// Chord beyond which correlations (less than .04 %) do not count, in reaches.
-const FARTHEST: f64 = 4.0;
+pub(super) const FARTHEST: f64 = 4.0;
 
 /// The correction in a direction comes from so many of the nearest edges. Box IoU of LINEMOD's objects in 100 views, upright: .859, .863,
 /// .871 with 12, 16 and 24; elsewhere the same.
@@ -39,6 +39,12 @@ const LEFT_BY_THE_FIT: f64 = 3.0;
 /// Smallest and largest deviation of the process, in sizes of the body.
 const DEVIATIONS: [f64; 2] = [0.01, 0.32];
 
+/// Edges whose likelihood is taken, at most about: the time grows with their third power.
+const LIKELIHOOD_SAMPLE: usize = 64;
+
+/// Usual deviation of the process, in sizes of the body; its logarithm has a standard deviation of 1.
+const USUAL_DEVIATION: f64 = 0.1;
+
 /// One edge of a box, or tangent line: where the object ends in a direction.
 #[derive(Debug, Clone, Copy)]
 struct Edge {
@@ -58,6 +64,8 @@ pub(crate) struct CorrectedSupport<'a> {
     deviation: f64,
     /// Standard deviation of a single edge about it, in sizes.
     noise: f64,
+    /// Root mean square of the residuals, in sizes.
+    residual: f64,
 }
 
 /// How far an object reaches from the center of its body, world units.
@@ -93,7 +101,7 @@ impl<'a> CorrectedSupport<'a> {
         let mean = edges.iter().map(|edge| edge.residual * edge.residual).sum::<f64>() / edges.len().max(1) as f64;
         let noise = (mean - common).max(MIN_NOISE * MIN_NOISE).sqrt();
         let deviation = (LEFT_BY_THE_FIT * common.sqrt()).clamp(DEVIATIONS[0], DEVIATIONS[1]);
-        Self { body, size, edges, deviation, noise }
+        Self { body, size, edges, deviation, noise, residual: mean.sqrt() }
     }
 
     /// How far the object reaches along a unit vector (world axes).
@@ -101,6 +109,53 @@ impl<'a> CorrectedSupport<'a> {
         let support = self.body.support(direction);
         let [correction, sd] = self.correction(direction).map(|x| x * self.size);
         Reach { distance: support + correction, sd }
+    }
+
+    /// Logarithms of the likelihood of the residuals with noise of these standard deviations, for each of the deviations of the process,
+    /// whose logarithm is a priori normal about [`USUAL_DEVIATION`]. What the fit may have taken from them, anything that is quadratic in the
+    /// direction, says nothing. A part of the edges, evenly spread, is enough.
+    pub(super) fn log_likelihoods<const N: usize, const M: usize>(
+        &self,
+        noises: &[f64; N],
+        deviations: &[f64; M],
+    ) -> [[f64; M]; N] {
+        let step = self.edges.len().div_ceil(LIKELIHOOD_SAMPLE) | 1;
+        let sample: Vec<&Edge> = self.edges.iter().step_by(step).collect();
+        let count = sample.len();
+        let residuals = DVector::from_fn(count, |k, _| sample[k].residual);
+        let product = DMatrix::from_fn(count, count, |i, j| sample[i].direction.dot(&sample[j].direction));
+        let correlations = product.map(|product| correlation(2.0 - 2.0 * product));
+        let of_fit = product.map(|product| (1.0 + product).powi(2));
+        let log_likelihood = |noise: f64, deviation: f64| {
+            let mut covariance = &correlations * (deviation * deviation) + &of_fit;
+            (0..count).for_each(|k| covariance[(k, k)] += noise * noise);
+            let Some(factor) = covariance.cholesky() else { return f64::NEG_INFINITY };
+            let half_log_determinant: f64 = factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
+            let prior = (deviation / USUAL_DEVIATION).ln();
+            -half_log_determinant - 0.5 * (residuals.dot(&factor.solve(&residuals)) + prior * prior)
+        };
+        noises.map(|noise| deviations.map(|deviation| log_likelihood(noise, deviation)))
+    }
+
+    /// The same with other standard deviations of noise and process, in sizes.
+    pub(super) fn with_levels(self, noise: f64, deviation: f64) -> Self {
+        Self { noise, deviation, ..self }
+    }
+
+    /// The correction in a direction, world units, and the share of the variance of the process that edges explain there.
+    pub(super) fn amount_and_explained(&self, direction: &Vector3<f64>) -> [f64; 2] {
+        let [mean, sd] = self.correction(direction);
+        [mean * self.size, 1.0 - (sd / self.deviation).powi(2)]
+    }
+
+    /// Standard deviation of the process, world units.
+    pub(super) fn deviation(&self) -> f64 {
+        self.deviation * self.size
+    }
+
+    /// Standard deviation of a single edge about the corrected support over that about the body.
+    pub(super) fn noise_ratio(&self) -> f64 {
+        self.noise / self.residual.max(self.noise)
     }
 
     /// Mean and standard deviation of the process in a direction, in sizes.
@@ -146,7 +201,7 @@ impl<'a> CorrectedSupport<'a> {
     }
 }
 
-fn correlation(squared_chord: f64) -> f64 {
+pub(super) fn correlation(squared_chord: f64) -> f64 {
     (-0.5 * squared_chord / (REACH * REACH)).exp()
 }
 
