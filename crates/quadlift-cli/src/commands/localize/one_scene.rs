@@ -22,6 +22,7 @@ use crate::error::Outcome;
 use crate::estimate_table::{cue_scales, learned_size, noise_levels, pose_points, render, summaries};
 use crate::files::move_paths;
 use crate::localization::{run_scene, settings_in_words};
+use crate::oddities::scene_oddities;
 use crate::output::{HEADING, Output, one_line};
 use crate::report::write_localized;
 use crate::words::{count, duration};
@@ -66,11 +67,13 @@ pub(super) fn one_scene(
     let title = name.display().to_string();
     let input = read()?;
     [output, report].into_iter().flatten().try_for_each(check_not_read)?;
+    let oddities = scene_oddities(input.scene());
+    let warn_of_oddities = || oddities.iter().for_each(|oddity| out.warning(&format!("{title}: {oddity}")));
     let ids = options.run.ids_for(input.scene());
     let images = report.map(|_| input.file.to_images(&input.path).map_err(|error| error.in_file(&input.path)));
     let images = images.transpose()?;
     let read = start.elapsed();
-    let mut run = run_scene(&title, input, options, out)?;
+    let mut run = run_scene(&title, input, options, out).inspect_err(|_| warn_of_oddities())?;
     // The paths of images are relative to the file that names them.
     let path = run.input.path.clone();
     output.map_or(Ok(()), |output| move_paths(Arc::make_mut(&mut run.input.file), &path, output))?;
@@ -82,7 +85,7 @@ pub(super) fn one_scene(
         document.output = Some(output.display().to_string());
     }
     if let (Some(report), Some(images), Some(result)) = (report, &images, &result) {
-        write_localized(report, (&run.input.path, &run.input.file), images, run.input.scene(), result)?;
+        write_localized(report, (&run.input.path, &run.input.file), images, run.input.scene(), result, out)?;
         document.report = Some(report.display().to_string());
     }
     let localization = &run.run.localization;
@@ -123,6 +126,9 @@ pub(super) fn one_scene(
             ..record
         });
     }
+    for warning in &run.input.warnings {
+        out.warning(&format!("{title}: {warning}"));
+    }
     let problems = &run.input.problems;
     out.errors(problems);
     document.problems.clone_from(problems);
@@ -134,6 +140,10 @@ pub(super) fn one_scene(
     let outcome = if unchecked { Outcome::Fine } else { tell(check, &run.input.context, accepted, &title, out) };
     if localized == 0 && outcome == Outcome::Fine {
         return Err(anyhow!("{title}: no object could be localized"));
+    }
+    // What --fix corrects explains them, too.
+    if !check.is_fixable() {
+        warn_of_oddities();
     }
     Ok(if problems.is_empty() { outcome } else { Outcome::SomethingFailed })
 }
