@@ -35,8 +35,8 @@ pub(crate) fn reaches(scene: &Scene, detection: &Detection) -> Option<Reach> {
     })
 }
 
-/// The oddities that both commands name.
-pub(crate) fn scene_oddities(scene: &Scene) -> Vec<String> {
+/// The oddities that both commands name; what was localized has cameras at several places, or depths.
+pub(crate) fn scene_oddities(scene: &Scene, is_localized: bool) -> Vec<String> {
     let mut oddities = Vec::new();
     let outside: Vec<&Detection> =
         scene.detections.iter().filter(|d| reaches(scene, d) == Some(Reach::Outside)).collect();
@@ -57,7 +57,7 @@ pub(crate) fn scene_oddities(scene: &Scene) -> Vec<String> {
                 .to_owned(),
         );
     }
-    if one_point(scene) {
+    if !is_localized && one_point(scene) {
         let is_one_pose = scene.frames.iter().all(|frame| frame.projection == scene.frames[0].projection);
         let which = match is_one_pose {
             true => "all poses are the same",

@@ -231,7 +231,7 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
             oddities.push(format!("objects{of} seen in one frame only: {}", some_of(&names)));
         }
     }
-    oddities.extend(scene_oddities(scene));
+    oddities.extend(scene_oddities(scene, false));
     let beyond = scene.detections.iter().filter(|d| reaches(scene, d) == Some(Reach::Beyond)).count();
     if beyond > 0 {
         oddities.push(format!("{} beyond the image border: edges there are treated as cut off", boxes_reach(beyond)));

@@ -151,7 +151,8 @@ fn a_world_on_earth_is_placed_or_refused() {
     // By other series and geodesy.
     let truth = [16.370_229, 48.199_714, 170.1];
     for (file, crs, truth) in [("utm33", "EPSG:32633", truth), ("ecef", "EPSG:4978", [16.369_996, 48.200_001, 170.1])] {
-        folder.succeed(&format!("localize -q {file}.json -o objects.json"));
+        let run = folder.run(&format!("localize {file}.json -o objects.json"));
+        assert_eq!((run.code, run.stderr.as_str()), (0, ""));
         let text = refused(&folder, "export geojson objects.json -o no.geojson --origin 48.2,16.37,170");
         assert!(text.contains("km away from the origin") && text.contains("--crs"), "{text}");
         folder.succeed(&format!("export geojson objects.json -o objects.geojson --crs {crs}"));

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::anyhow;
+use quadlift::scene::Scene;
 use quadlift::solve::{Estimate, Rejection, Status};
 use quadlift_io::diagnosis::DiagnosisRecord;
 use quadlift_io::guard::check_not_read;
@@ -67,13 +68,16 @@ pub(super) fn one_scene(
     let title = name.display().to_string();
     let input = read()?;
     [output, report].into_iter().flatten().try_for_each(check_not_read)?;
-    let oddities = scene_oddities(input.scene());
-    let warn_of_oddities = || oddities.iter().for_each(|oddity| out.warning(&format!("{title}: {oddity}")));
     let ids = options.run.ids_for(input.scene());
     let images = report.map(|_| input.file.to_images(&input.path).map_err(|error| error.in_file(&input.path)));
     let images = images.transpose()?;
     let read = start.elapsed();
-    let mut run = run_scene(&title, input, options, out).inspect_err(|_| warn_of_oddities())?;
+    let warn = |scene: &Scene, is_localized: bool| {
+        let oddities = scene_oddities(scene, is_localized);
+        oddities.iter().for_each(|oddity| out.warning(&format!("{title}: {oddity}")));
+    };
+    let scene = input.scene().clone();
+    let mut run = run_scene(&title, input, options, out).inspect_err(|_| warn(&scene, false))?;
     // The paths of images are relative to the file that names them.
     let path = run.input.path.clone();
     output.map_or(Ok(()), |output| move_paths(Arc::make_mut(&mut run.input.file), &path, output))?;
@@ -143,7 +147,7 @@ pub(super) fn one_scene(
     }
     // What --fix corrects explains them, too.
     if !check.is_fixable() {
-        warn_of_oddities();
+        warn(&scene, localized > 0);
     }
     Ok(if problems.is_empty() { outcome } else { Outcome::SomethingFailed })
 }
