@@ -293,8 +293,7 @@ pub(super) fn calibration(
 /// wrong focal length explain each other.
 pub(super) fn without_two_alone(rig: &Rig, solution: &Solution, mut answer: Calibration) -> Calibration {
     let given = rig.cameras.iter().any(|camera| camera.cam_from_world.is_some());
-    let placed = solution.placed.iter().filter(|placed| **placed).count();
-    if placed == 2 && !given && solution.scale != RigScale::Baselines {
+    if rig.cameras.len() == 2 && !given && solution.scale != RigScale::Baselines {
         for camera in answer.cameras.iter_mut().filter(|camera| camera.status == CameraStatus::Ok) {
             camera.status = CameraStatus::Undetermined;
             camera.cam_from_world = None;
