@@ -201,10 +201,9 @@ class FromOtherPackages(SceneData):
         # A stream of results can be read once.
         results, known = list(results), cameras.frame_ids
         paths = _paths("results", results, "path", "Ultralytics' Results")
-        if frame_ids is None:
-            frame_ids = _frames_of_paths(paths, known)
+        names = _frames_of_paths(paths, known) if frame_ids is None else list(frame_ids)
         table = _Table(cameras)
-        for frame, result in _by_frame(results, frame_ids, known):
+        for frame, result in _by_frame(results, names, known):
             table.add(frame, _found.of_ultralytics(result, f'the result of frame "{known[frame]}"'))
         return cameras.with_detections(**table.arrays(), source=source)
 
@@ -240,17 +239,16 @@ class FromOtherPackages(SceneData):
         _checks.text("field", field)
         samples, known = list(samples), cameras.frame_ids
         paths = _paths("samples", samples, "filepath", "a fiftyone.Sample")
-        if frame_ids is None:
-            frame_ids = _frames_of_paths(paths, known)
+        names = _frames_of_paths(paths, known) if frame_ids is None else list(frame_ids)
         sizes = _fiftyone.image_sizes(cameras.to_dict())
         table = _Table(cameras)
-        for frame, sample in _by_frame(samples, frame_ids, known):
+        for frame, sample in _by_frame(samples, names, known):
             table.add(frame, _fiftyone.of_sample(sample, field, sizes.get(known[frame])))
         return cameras.with_detections(**table.arrays(), source=source)
 
 
 def _by_frame(
-    detections: Sequence[Any] | Mapping[str, Any], frame_ids: Sequence[str] | None, known: list[str]
+    detections: Sequence[Any] | Mapping[str, Any], frame_ids: Sequence[str | None] | None, known: list[str]
 ) -> list[tuple[int, Any]]:
     """Detections with the indices of their frames."""
     index = {name: k for k, name in enumerate(known)}
@@ -261,7 +259,7 @@ def _by_frame(
         if len(detections) != len(names):
             like = "the scene has frames" if frame_ids is None else "frame_ids"
             raise QuadliftError(f"there are {len(detections)} detections; expected {len(names)}, as many as {like}")
-        pairs = list(zip(names, detections, strict=True))
+        pairs = [(name, found) for name, found in zip(names, detections, strict=True) if name is not None]
     for name, _ in pairs:
         if name not in index:
             some = ", ".join(known[:5])
@@ -277,19 +275,26 @@ def _paths(name: str, items: list[Any], attribute: str, expected: str) -> list[s
     return [str(getattr(item, attribute)) for item in items]
 
 
-def _frames_of_paths(paths: list[str], known: list[str]) -> list[str]:
-    """The frames whose ids match these file names, with or without folders and extensions."""
+def _frames_of_paths(paths: list[str], known: list[str]) -> list[str | None]:
+    """The frames whose ids match these file names, with or without folders and extensions; None without one."""
+    best: list[list[str]] = [[]] * len(paths)
     for part in ("name", "stem"):
         frames: dict[str, list[str]] = {}
         for name in known:
             frames.setdefault(getattr(PurePath(name), part), []).append(name)
         found = [frames.get(getattr(PurePath(path), part), []) for path in paths]
-        if all(len(names) == 1 for names in found):
-            return [names[0] for names in found]
-    missing = next(path for path, names in zip(paths, found, strict=True) if len(names) != 1)
+        if sum(len(names) == 1 for names in found) > sum(len(names) == 1 for names in best):
+            best = found
+    missing = [PurePath(path).name for path, names in zip(paths, best, strict=True) if len(names) != 1]
+    # Structure from motion seldom registers all images.
+    if len(missing) < len(paths) and all(len(names) <= 1 for names in best):
+        if missing:
+            some = ", ".join(missing[:5])
+            warnings.warn(f"images without a frame are skipped: {some} ({len(missing)} of {len(paths)})", stacklevel=3)
+        return [names[0] if names else None for names in best]
     some = ", ".join(known[:5])
     raise QuadliftError(
-        f"no single frame has the name of the image {PurePath(missing).name}; the scene has {len(known)} frames: "
+        f"no single frame has the name of the image {missing[0]}; the scene has {len(known)} frames: "
         f"{some} (frame_ids=[...] names them)"
     )
 

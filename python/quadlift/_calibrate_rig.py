@@ -43,7 +43,7 @@ class CalibratedCamera:
     edge_noise : float or None
         Standard deviation of its edges, relative to the mean half size of their boxes.
     contradiction : str or None
-        What speaks against it: ``"other_bodies"``, ``"noise"``, ``"focal_length"``, ``"mirrored"`` or
+        What speaks against it: ``"other_bodies"``, ``"noise"``, ``"focal_length"``, ``"late"``, ``"mirrored"`` or
         ``"given_poses"``.
     """
 

@@ -96,6 +96,10 @@ class ExportOptions(TypedDict, total=False):
     """BOP: value of the column scene_id. Default: 0."""
     origin: tuple[float, float, float]
     """GeoJSON: the world's origin, latitude and longitude in degrees (WGS84) and meters above the ellipsoid."""
+    crs: str
+    """GeoJSON: coordinates of the world in place of an origin, such as "EPSG:32633" (UTM) or "EPSG:4978"."""
+    length_unit: str
+    """BOP, GeoJSON, glTF, KITTI, MCAP: unit of the lengths, such as "m", if the scene does not say it."""
     north: tuple[float, float, float]
     """GeoJSON: world direction whose horizontal part is north. Default: (0, 1, 0)."""
     frame_id: str
@@ -108,7 +112,18 @@ class ExportOptions(TypedDict, total=False):
 
 FLAGS = frozenset({"sweeps", "rectified", "skip_errors", "enclosing", "only_detected"})
 _TEXTS = frozenset(
-    {"frame_column", "columns", "kind", "pixel_centers", "sequence", "world_frame", "camera_frame", "frame_id"}
+    {
+        "frame_column",
+        "columns",
+        "kind",
+        "pixel_centers",
+        "sequence",
+        "world_frame",
+        "camera_frame",
+        "frame_id",
+        "crs",
+        "length_unit",
+    }
 )
 _SEPARATORS = {"image_size": "x", "frames": "-"}
 

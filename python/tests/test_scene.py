@@ -210,6 +210,10 @@ def test_ultralytics(made: Arrays, cameras: quadlift.Scene) -> None:
     assert {(d["frame"], d["source"]) for d in named.to_dict()["detections"]} == {("images/003.jpg", "v11")}
     with pytest.raises(quadlift.QuadliftError, match=r"no single frame has the name of the image 9\.jpg"):
         quadlift.Scene.from_ultralytics([result(0, "9.jpg")], cameras)
+    # Structure from motion seldom registers all images.
+    with pytest.warns(UserWarning, match=r"images without a frame are skipped: 9\.jpg \(1 of 7\)"):
+        registered = quadlift.Scene.from_ultralytics([result(0, "9.jpg"), *results], cameras)
+    assert registered.to_dict() == scene.to_dict()
     without = SimpleNamespace(path="002.png", names={}, boxes=None)
     with pytest.raises(quadlift.QuadliftError, match=r'the result of frame "images/002\.jpg" has no boxes; expected'):
         quadlift.Scene.from_ultralytics([without], cameras)

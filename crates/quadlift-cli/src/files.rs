@@ -8,6 +8,7 @@ use quadlift::scene::Scene;
 use quadlift_io::formats::{find_cameras, find_detections};
 use quadlift_io::guard::{common_file, is_same_file};
 use quadlift_io::mcap::is_mcap;
+use quadlift_io::read::UNREAD;
 use quadlift_io::{ReadError, SceneFile, is_standard_output, read_scene_file};
 
 use crate::error::{UsageError, usage};
@@ -35,19 +36,20 @@ fn other_format(path: &Path) -> Option<String> {
     }
     match find_cameras(path).map(|(format, _)| format.name) {
         Ok("scene file") => return None,
-        // Any JSON object may be a list of projections.
-        Ok("projections") | Err(_) => {}
+        Err(_) => {}
         Ok(name) => {
             return Some(format!(
                 "it holds cameras ({name}): `quadlift localize --cameras {shown} --detections PATH` reads them"
             ));
         }
     }
-    let format = find_detections(path).ok()?;
-    Some(format!(
-        "it holds detections ({}): `quadlift localize --cameras PATH --detections {shown}` reads them",
-        format.name
-    ))
+    match find_detections(path) {
+        Ok(format) => Some(format!(
+            "it holds detections ({}): `quadlift localize --cameras PATH --detections {shown}` reads them",
+            format.name
+        )),
+        Err(error) => error.problem.starts_with(UNREAD).then_some(error.problem),
+    }
 }
 
 /// The scene files that the arguments name.

@@ -23,6 +23,7 @@ mod signals;
 mod table;
 mod threads;
 mod words;
+mod oddities;
 mod association;
 mod estimate_table;
 mod evaluation;
@@ -138,6 +139,7 @@ fn run_with(arguments: Vec<OsString>) -> u8 {
     signals::remove_temporary_files_at_the_end();
     quadlift_io::guard::protect_what_is_read();
     set_max_pixels(cli.max_pixels);
+    let is_stream = matches!(cli.command, Command::Stream(_));
     let result = paths.check(cli.json).and_then(|()| run(cli.command, &out));
     match result {
         Ok(Outcome::Fine) => 0,
@@ -150,7 +152,10 @@ fn run_with(arguments: Vec<OsString>) -> u8 {
             if let Some(error::InconsistentError { diagnosis, .. }) = error.downcast_ref() {
                 document["diagnosis"] = serde_json::json!(diagnosis);
             }
-            let _ = out.document(&document);
+            let _ = match is_stream && cli.json {
+                true => out.product(&format!("{document}\n")),
+                false => out.document(&document),
+            };
             error::exit_code(&error)
         }
     }

@@ -13,6 +13,7 @@ use quadlift_report::{Content, Scores, page, report};
 
 use crate::error::usage;
 use crate::files::{Inputs, check_file, outputs};
+use crate::output::Output;
 
 /// The reports' paths, one per input, checked before anything is computed; of several scenes `report` is a folder.
 pub(crate) fn report_paths(inputs: &Inputs, report: &Path, output: Option<&Path>) -> anyhow::Result<Vec<PathBuf>> {
@@ -33,10 +34,13 @@ pub(crate) fn check_report(report: Option<&PathBuf>, others: &[&Path]) -> anyhow
     }
 }
 
-/// Writes a page.
-fn write_report(path: &Path, content: &Content) -> anyhow::Result<()> {
-    let html = report(content).context("cannot make the report")?;
-    let html = page(&html).context("cannot make the report")?;
+/// Writes a page; warns of images that are not in it, such as those of another size than their camera.
+fn write_report(path: &Path, content: &Content, out: &Output) -> anyhow::Result<()> {
+    let data = report(content).context("cannot make the report")?;
+    for note in data.notes.iter().filter(|note| note.contains("images could not be read")) {
+        out.warning(&format!("{}: {note}", path.display()));
+    }
+    let html = page(&data).context("cannot make the report")?;
     write_file(path, |file| file.write_all(html.as_bytes()))?;
     Ok(())
 }
@@ -48,6 +52,7 @@ pub(crate) fn write_localized(
     images: &SceneImages,
     scene: &Scene,
     result: &SceneFile,
+    out: &Output,
 ) -> anyhow::Result<()> {
     let title = title(input, file);
     let content = Content {
@@ -60,7 +65,7 @@ pub(crate) fn write_localized(
         points: &result.points,
         scores: None,
     };
-    write_report(path, &content)
+    write_report(path, &content, out)
 }
 
 /// Files of one scene, shown together: detections, estimates and ground truth may be in one or in several files.
@@ -134,17 +139,22 @@ impl Gathered {
     }
 
     /// Writes the report, with scores if the estimates and the ground truth share objects.
-    pub(crate) fn write_report_with_scores(&self, path: &Path) -> anyhow::Result<()> {
+    pub(crate) fn write_report_with_scores(&self, path: &Path, out: &Output) -> anyhow::Result<()> {
         let evaluation = match (&self.estimate, &self.truth) {
             (Some((a, estimate)), Some((b, truth))) => evaluate_objects((a, estimate), (b, truth), Matching::Auto).ok(),
             _ => None,
         };
-        self.write_report(path, evaluation.as_ref().map(|(evaluation, _)| evaluation))
+        self.write_report(path, evaluation.as_ref().map(|(evaluation, _)| evaluation), out)
     }
 
     /// Writes the page, with these scores.
-    pub(crate) fn write_report(&self, path: &Path, evaluation: Option<&Evaluation>) -> anyhow::Result<()> {
-        write_report(path, &self.content(evaluation.map(Scores::of).as_ref()))
+    pub(crate) fn write_report(
+        &self,
+        path: &Path,
+        evaluation: Option<&Evaluation>,
+        out: &Output,
+    ) -> anyhow::Result<()> {
+        write_report(path, &self.content(evaluation.map(Scores::of).as_ref()), out)
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::ReadError;
 use crate::read::detections::{DETECTIONS, DetectionFiles};
-use crate::read::{DetectionFormat, Format, Import, POSES, PoseFormat, ReadOptions, recognize};
+use crate::read::{CAMERA, DetectionFormat, Format, Import, POSES, PoseFormat, ReadOptions, recognize};
 use crate::scene_file::read_scene_file;
 
 /// Scene files, where cameras are expected.
@@ -40,7 +40,7 @@ pub fn detections() -> impl Iterator<Item = &'static DetectionFormat> + Clone {
 /// # Errors
 /// [`ReadError`] if the path cannot be read, or if it matches no format; the message lists the formats.
 pub fn find_cameras(path: &Path) -> Result<(&'static PoseFormat, PathBuf), ReadError> {
-    recognize(SCENE.iter().chain(poses()), "camera", path)
+    recognize(SCENE.iter().chain(poses()), CAMERA, path)
 }
 
 /// The format of detections.

@@ -104,6 +104,14 @@ pub(crate) fn as_utf8<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a str, ReadE
     if bytes.starts_with(&[0xFF, 0xFE]) || bytes.starts_with(&[0xFE, 0xFF]) {
         return Err(ReadError::new(path, "the file is UTF-16 text; save it as UTF-8"));
     }
+    let archive = match bytes {
+        [b'P', b'K'] | [b'P', b'K', 1..9, ..] => Some("zip"),
+        [0x1F, 0x8B, ..] => Some("gzip"),
+        _ => None,
+    };
+    if let Some(kind) = archive {
+        return Err(ReadError::new(path, format!("this is a {kind} archive; unpack it and give its folder")));
+    }
     let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let offset = error.valid_up_to();
@@ -170,11 +178,16 @@ mod tests {
     }
 
     #[test]
-    fn the_byte_order_mark_is_dropped_and_utf16_is_refused() {
+    fn the_byte_order_mark_is_dropped_and_what_is_no_text_is_named() {
         let path = Path::new("a.json");
         assert_eq!(as_utf8(path, b"\xEF\xBB\xBF{}").unwrap(), "{}");
         assert!(as_utf8(path, b"\xFF\xFE{\0}\0").unwrap_err().problem.contains("UTF-16"));
         assert!(as_utf8(path, b"\xEF\xBB\xBF \n").unwrap_err().problem.contains("empty"));
+        for (start, kind) in [(&b"PK\x03\x04\x14\0"[..], "zip"), (b"\x1F\x8B\x08\0", "gzip")] {
+            let expected = format!("this is a {kind} archive; unpack it and give its folder");
+            assert_eq!(as_utf8(path, start).unwrap_err().problem, expected);
+        }
+        assert!(as_utf8(path, b"PK,x,y").is_ok());
         let error = as_utf8(path, b"{\n \xC0 }").unwrap_err();
         assert_eq!((error.line, error.column), (Some(2), Some(2)));
     }

@@ -9,7 +9,7 @@ use quadlift_io::correct::{DetectionPixels, correct};
 use quadlift_io::formats::{detections, find_cameras, find_detections, poses};
 use quadlift_io::python::{Correcting, in_python};
 use quadlift_io::read::detections::{AddOptions, MatchBy, add_detections};
-use quadlift_io::read::{DetectionFormat, Format, FormatOption, Import, READ};
+use quadlift_io::read::{DetectionFormat, Format, FormatOption, Import, READ, ReadOptions};
 use quadlift_io::write::{BodyChoice, CheckedScene, Document, EXPORTS, ExportFormat, WRITE, WriteOptions, Writer};
 use quadlift_io::{SceneFile, write_file};
 
@@ -108,9 +108,9 @@ pub(crate) fn with_detections(
         None => find_detections(path).map_err(refuse_to_read)?,
     };
     let match_by = choice("match", &keywords.matching, &MatchBy::ALL.map(|by| (by.name(), by)))?;
-    let (DetectionPixels { image_size, turned, frame_offset }, corrections) =
+    let (DetectionPixels { image_size, turned, frame_offset, boxes_follow }, corrections) =
         DetectionPixels::split(assumed(&keywords.assume)?);
-    let options = set(READ, given, format.name, &taken_with_time(format))?;
+    let options = ReadOptions { boxes_follow, ..set(READ, given, format.name, &taken_with_time(format))? };
     let found = (format.read)(path, &options).map_err(refuse_to_read)?;
     let of_format = AddOptions::of(format, &options);
     let adding = AddOptions {
@@ -160,7 +160,7 @@ pub(crate) fn export(loaded: &Loaded, format: &str, output: &Path, given: &Given
     let documents: Vec<(PathBuf, Document)> = match &format.write {
         Writer::Bodies(write) => {
             let choice = if options.enclosing { BodyChoice::Enclosing } else { BodyChoice::Body };
-            let checked = CheckedScene::new(file, choice).map_err(refuse)?;
+            let checked = CheckedScene::new(file, choice).map_err(refuse)?.in_unit(options.length_unit.as_deref());
             if checked.bodies() == 0 {
                 return Err(refuse("no object has a body: there is nothing to export"));
             }

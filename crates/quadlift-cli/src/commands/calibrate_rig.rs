@@ -40,8 +40,8 @@ Columns:
             inconsistent: the other cameras contradict its boxes: wrong ids, time steps, intrinsics
             or images; the message says which
             ambiguous: two poses explain the boxes about as well
-            undetermined: the boxes leave the pose open: too few, or people who stay in one
-            place or on one line
+            undetermined: the boxes leave the pose open: too few, people who stay in one
+            place or on one line, or two cameras alone without --baseline
   time steps  time steps at which it sees bodies together with calibrated cameras
   position, rotation  standard deviations relative to the reference camera (root mean square of the axes)
   residual  root mean square of the edges of boxes, pixels
@@ -166,11 +166,19 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let any_way: Vec<&str> =
         any_way.filter(|(known, _)| !known.upright && !known.still).map(|(_, name)| name.as_str()).collect();
     let may_lie = args.upright.is_empty() && !any_way.is_empty();
-    if calibrated == 0 && may_lie {
+    if may_lie {
         out.warning(&format!(
-            "{} may lie any way; if their bodies are upright, such as those of people and vehicles, name them with --upright",
+            "no prior for: {}; they may lie any way; if their bodies are upright, such as those of people and vehicles, name them with \
+             --upright",
             some_of(&any_way)
         ));
+    }
+    let seen = found.cameras.iter().filter(|camera| camera.residual_px.is_some()).count();
+    if calibrated == 0 && seen == 2 && found.scale != RigScale::Baselines {
+        out.warning(
+            "two cameras alone: a wrong focal length and bodies of another height explain each other; add a camera, or their distance \
+             (--baseline CAM_A,CAM_B,LENGTH)",
+        );
     }
     let posed = found.cameras.iter().filter(|camera| camera.status.has_pose()).count();
     let given = posed - calibrated;
@@ -198,7 +206,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let failed = calibrated == 0 && given < found.cameras.len();
     Ok(match contradictions_in_words(&scene.ids, &found) {
         // Bodies of another shape contradict themselves.
-        Some(_) if failed && may_lie => Outcome::SomethingFailed,
+        Some(_) if may_lie && any_way.len() == scene.categories().len() => Outcome::SomethingFailed,
         Some(words) => {
             out.error(&format!("{}: the cameras are inconsistent: {words}", args.scene.display()));
             Outcome::Inconsistent
@@ -236,7 +244,8 @@ fn baselines(args: &Args, scene: &RigScene) -> anyhow::Result<Vec<KnownBaseline>
 /// Names categories of the options that no detection has.
 fn warn_of_categories(args: &Args, scene: &RigScene, out: &Output) {
     for (option, names) in [("--upright", &args.upright), ("--static", &args.still)] {
-        for name in names.iter().filter(|name| !scene.categories().contains(name)) {
+        let is_there = |name: &String| scene.categories().iter().any(|known| known.eq_ignore_ascii_case(name));
+        for name in names.iter().filter(|name| !is_there(name)) {
             out.warning(&format!("{option} {name}: no detection has this category"));
         }
     }

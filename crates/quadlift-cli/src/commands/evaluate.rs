@@ -105,7 +105,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     out.document(&document)?;
     if let Some(report) = &args.report {
         let files = vec![(args.ground_truth.clone(), truth_file), (args.estimate.clone(), estimate_file)];
-        Gathered::new(files)?.write_report(report, evaluation.as_ref())?;
+        Gathered::new(files)?.write_report(report, evaluation.as_ref(), out)?;
         out.report(&format!("wrote {}\n", report.display()))?;
     } else {
         let words = ["view".into(), args.estimate.as_path().into(), args.ground_truth.as_path().into()];

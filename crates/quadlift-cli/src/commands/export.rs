@@ -112,7 +112,7 @@ fn export(writer: &Writer, common: &Common, options: &WriteOptions, out: &Output
             let paths = [output.as_path()];
             let file = read(common, &paths)?;
             let choice = if options.enclosing { BodyChoice::Enclosing } else { BodyChoice::Body };
-            let checked = CheckedScene::new(&file, choice).map_err(in_scene)?;
+            let checked = CheckedScene::new(&file, choice).map_err(in_scene)?.in_unit(options.length_unit.as_deref());
             if checked.bodies() == 0 {
                 bail!("{}: no object has a body: there is nothing to export", scene.display());
             }

@@ -15,13 +15,11 @@ use serde::Serialize;
 use crate::corrections::{Corrections, corrected_in_words, read_input};
 use crate::error::Outcome;
 use crate::next::Next;
+use crate::oddities::{Reach, one_point, reaches, scene_oddities};
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::pose_check::pose_oddities;
 use crate::table::Table;
 use crate::words::{count, some_of};
-
-/// Boxes that reach farther out of the image than this are counted (pixels).
-const OUTSIDE_TOLERANCE: f64 = 1.0;
 
 /// Summarize and check a scene file
 ///
@@ -233,24 +231,8 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
             oddities.push(format!("objects{of} seen in one frame only: {}", some_of(&names)));
         }
     }
-    let (mut outside, mut beyond) = (0, 0);
-    for detection in &scene.detections {
-        let in_image = detection.box_in_image.or(detection.bounding_box);
-        let (Some(b), Some(size)) = (in_image, scene.frames[detection.frame_index as usize].image_size) else {
-            continue;
-        };
-        if b.x1() <= 0.0 || b.y1() <= 0.0 || b.x0() >= size.x || b.y0() >= size.y {
-            outside += 1;
-        } else if b.x0().min(b.y0()) < -OUTSIDE_TOLERANCE
-            || b.x1() > size.x + OUTSIDE_TOLERANCE
-            || b.y1() > size.y + OUTSIDE_TOLERANCE
-        {
-            beyond += 1;
-        }
-    }
-    if outside > 0 {
-        oddities.push(format!("{} entirely outside the image", boxes(outside)));
-    }
+    oddities.extend(scene_oddities(scene, false));
+    let beyond = scene.detections.iter().filter(|d| reaches(scene, d) == Some(Reach::Beyond)).count();
     if beyond > 0 {
         oddities.push(format!("{} beyond the image border: edges there are treated as cut off", boxes_reach(beyond)));
     }
@@ -264,9 +246,6 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
             "{} without an image size: box edges at the border are not treated as cut off there",
             count(report.frames_without_image_size, "frame")
         ));
-    }
-    if one_point(scene) {
-        oddities.push("all cameras are at the same position: depths and sizes cannot be estimated".to_owned());
     }
     oddities.extend(pose_oddities(file, scene));
     let mut seen = vec![false; scene.frames.len()];
@@ -292,20 +271,8 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
     oddities
 }
 
-fn boxes(n: usize) -> String {
-    if n == 1 { "1 box lies".to_owned() } else { format!("{n} boxes lie") }
-}
-
 fn boxes_reach(n: usize) -> String {
     if n == 1 { "1 box reaches".to_owned() } else { format!("{n} boxes reach") }
-}
-
-/// Whether there are several frames, all with one camera center (to a millionth of the distance from the origin).
-fn one_point(scene: &Scene) -> bool {
-    let mut centers = scene.frames.iter().filter_map(|frame| frame.projection.center_in_world());
-    let Some(first) = centers.next() else { return false };
-    let tolerance = 1e-6 * first.coords.norm();
-    scene.frames.len() > 1 && centers.all(|center| (center - first).norm() <= tolerance)
 }
 
 fn objects_of_several_categories(scene: &Scene) -> Vec<String> {

@@ -137,7 +137,7 @@ pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     // Last, so that it never names masks that do not exist.
     write_scene_file(&args.output, &file)?;
     if let Some(report) = &args.report {
-        Gathered::new(vec![(args.output.clone(), file)])?.write_report(report, None)?;
+        Gathered::new(vec![(args.output.clone(), file)])?.write_report(report, None, out)?;
     }
     let written = start.elapsed() - segmented;
     out.detail(&format!("segmented in {}, written in {}", duration(segmented), duration(written)));

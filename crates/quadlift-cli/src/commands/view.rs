@@ -39,7 +39,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, out: &Output) -> anyhow::Result<Outcome> {
     let gathered = Gathered::read(&args.files)?;
     let page = temporary_page(&args.files[0])?;
-    gathered.write_report_with_scores(&page)?;
+    gathered.write_report_with_scores(&page, out)?;
     if !args.no_browser {
         let failed = || format!("cannot open a browser; the page is {} (--no-browser opens none)", page.display());
         open::that(&page).with_context(failed)?;

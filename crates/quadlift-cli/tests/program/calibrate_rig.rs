@@ -120,7 +120,7 @@ fn people_by_another_name_are_asked_for() {
     }
     folder.write_json("rig.json", &scene);
     let run = folder.run("calibrate-rig rig.json -o out.json");
-    let hint = "player may lie any way; if their bodies are upright";
+    let hint = "no prior for: player; they may lie any way; if their bodies are upright";
     assert!(run.code == 1 && run.stderr.contains(hint), "{} {}", run.code, run.stderr);
     let run = folder.run("calibrate-rig rig.json -o out.json --upright player");
     assert!(run.code == 0 && !run.stderr.contains(hint), "{} {}", run.code, run.stderr);

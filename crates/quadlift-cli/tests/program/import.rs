@@ -129,7 +129,7 @@ fn wrong_usage_and_wrong_files() {
     assert_eq!(message("import projections p.csv --image-size 640 -o s.json").0, 2);
     let (code, text) = message("import projections p.csv -o s.json");
     assert_eq!(code, 1);
-    assert!(text.starts_with("error: p.csv:1: found 4 columns; expected 12"), "{text}");
+    assert!(text.starts_with("error: p.csv:1: found 4 columns without names; expected"), "{text}");
     assert!(message("import colmap nowhere -o s.json").1.contains("expected the folder of a COLMAP model"));
     assert!(message("import projections p.csv -o no/s.json").1.contains("the folder no does not exist"));
     assert!(!folder.path("s.json").exists());

@@ -15,6 +15,7 @@ mod detections;
 mod diagnosis;
 mod documentation;
 mod export;
+mod field;
 mod import;
 mod relocalize;
 mod logs;

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::rig::RigScene;
 use crate::numbers::significant;
 use crate::scene_file::SceneFile;
+use crate::wording::count;
 
 /// The field of a scene file that says how its cameras were calibrated.
 pub const CALIBRATION: &str = "calibration";
@@ -89,6 +90,11 @@ fn contradiction_in_words(contradiction: Contradiction) -> String {
             "boxes agree better with a focal length about {factor:.2} times as long (wrong intrinsics, or images of another size)"
         ),
         Contradiction::Mirrored => "it would be upside down below the floor (mirrored images)".to_owned(),
+        Contradiction::Late(steps) => {
+            let way = if steps > 0 { "late" } else { "early" };
+            let steps = count(steps.unsigned_abs() as usize, "time step");
+            format!("it is {steps} {way} against the other cameras (wrong \"time\" or \"rig_frame\")")
+        }
         Contradiction::GivenPoses => "a given pose contradicts the boxes, so that its world is not known".to_owned(),
         _ => "boxes do not show what the other cameras see (another place, wrong ids, times or intrinsics)".to_owned(),
     }

@@ -21,6 +21,15 @@ const SAME_POSE: f64 = 1e-6;
 /// Categories whose bodies are upright, besides those that have an `upright_sd` in the table of priors.
 const UPRIGHT: [&str; 2] = ["person", "pedestrian"];
 
+/// Other names of people.
+const PEOPLE: [&str; 4] = ["people", "persons", "human", "humans"];
+
+/// The name of a category in tables: in small letters, and one for all names of people.
+fn in_tables(name: &str) -> String {
+    let name = name.trim().to_lowercase();
+    if PEOPLE.contains(&name.as_str()) { UPRIGHT[0].to_owned() } else { name }
+}
+
 /// How the categories of a rig are taken.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RigOptions {
@@ -34,22 +43,25 @@ pub struct RigOptions {
 }
 
 impl RigOptions {
-    /// What is known of categories.
+    /// What is known of categories, whose names are compared without case.
     pub fn categories(&self, names: &[String]) -> Vec<RigCategory> {
         let table = builtin_priors();
+        let is_in = |list: &[String], name: &String| list.iter().any(|known| in_tables(known) == in_tables(name));
         let upright = |name: &String| {
             if self.upright.is_empty() {
-                let of_table = table.by_category.get(name).is_some_and(|prior| prior.upright_sd.is_some());
+                let name = in_tables(name);
+                let of_table = table.by_category.get(&name).is_some_and(|prior| prior.upright_sd.is_some());
                 of_table || UPRIGHT.contains(&name.as_str())
             } else {
-                self.upright.contains(name)
+                is_in(&self.upright, name)
             }
         };
-        let category = |name: &String| RigCategory {
-            upright: upright(name),
-            still: self.still.contains(name),
-            size: self.sizes.of(name).and_then(|prior| prior.size),
+        let size = |name: &String| {
+            let own = self.sizes.by_category.get(name).or_else(|| self.sizes.of(&in_tables(name)));
+            own.and_then(|prior| prior.size)
         };
+        let category =
+            |name: &String| RigCategory { upright: upright(name), still: is_in(&self.still, name), size: size(name) };
         names.iter().map(category).collect()
     }
 }

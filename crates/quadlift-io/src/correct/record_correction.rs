@@ -63,6 +63,8 @@ pub struct DetectionPixels {
     pub turned: bool,
     /// The number that the detections give to frame number 0.
     pub frame_offset: Option<i64>,
+    /// Whether the boxes have another format, which a correction undoes: until then they may look reversed.
+    pub boxes_follow: bool,
 }
 
 impl DetectionPixels {
@@ -71,6 +73,7 @@ impl DetectionPixels {
         let mut found = Self::default();
         let others = corrections.into_iter().filter(|correction| {
             found.turned |= correction.turns_sides();
+            found.boxes_follow |= matches!(correction, RecordCorrection::Known(Correction::Boxes(_)));
             match *correction {
                 RecordCorrection::ImageSize(size) => found.image_size = Some(size),
                 RecordCorrection::FrameOffset(offset) => found.frame_offset = Some(offset),

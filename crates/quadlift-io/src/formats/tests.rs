@@ -20,7 +20,7 @@ fn cameras_are_told_apart() {
     make("k/oxts/0000.txt", "x");
     make("k/calib/0000.txt", "x");
     make("t.json", r#"{"frames": [{"transform_matrix": [], "file_path": "a"}]}"#);
-    make("p.json", r#"{"a": [1, 2]}"#);
+    make("p.json", r#"[{"id": "a", "projection": [1, 2]}]"#);
     make("o/reconstruction.json", "x");
     make("d/opensfm/reconstruction.json", "x");
     make("o.json", r#"[{"cameras": {}, "shots": {"a.jpg": {}}}]"#);
@@ -30,7 +30,7 @@ fn cameras_are_told_apart() {
     for table in ["scene", "sample", "sensor", "calibrated_sensor", "sample_data", "ego_pose"] {
         make(&format!("v/v1.0-mini/{table}.json"), "[]");
     }
-    make("p.csv", "# mine\n1,2,3,4,5,6,7,8,9,10,11,12\n");
+    make("p.csv", "id,p11,p12,p13,p14,p21,p22,p23,p24,p31,p32,p33,p34\n");
     make("t.txt", "# time\n\n1.5 0 0 0 0 0 0 1\n");
     make("s.json", r#"{"format": "quadlift.scene", "version": 1}"#);
     std::fs::write(folder.path().join("l.bag"), b"\x89MCAP0\r\n").unwrap();
@@ -64,6 +64,55 @@ fn cameras_are_told_apart() {
     let error = find_cameras(&folder.path().join("u.txt")).unwrap_err();
     assert!(error.problem.contains("looked for a scene file, logs in MCAP, a COLMAP model"), "{error}");
     assert!(find_cameras(&folder.path().join("no")).unwrap_err().problem.contains("no such file"));
+    // Nothing tells what these are.
+    let row = "1,2,3,4,5,6,7,8,9,10,11,12";
+    for text in [
+        format!("# mine\n{row}\n"),
+        format!("a.png,{row},640,480,a.png\n"),
+        row.replace(',', " "),
+        format!("{{\"a\": [{row}]}}"),
+        "[[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]]".to_owned(),
+    ] {
+        make("matrices", &text);
+        let error = find_cameras(&folder.path().join("matrices")).unwrap_err();
+        assert!(error.problem.contains("the intrinsics are missing"), "{text}: {error}");
+    }
+}
+
+#[test]
+fn programs_whose_files_are_not_read_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text, program) in [
+        ("r.csv", "#name,x,y,alt,heading,pitch,roll,f,px\na.jpg,1,2,3,4,5,6,7,8\n", "RealityCapture"),
+        ("s.csv", "name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2\n", "RealityCapture"),
+        (
+            "o.txt",
+            "# Cameras (2)\n# PhotoID, X, Y, Z, Omega, Phi, Kappa, r11, r12, r13, r21, r22, r23, r31, r32, r33\n",
+            "Metashape",
+        ),
+        ("p.txt", "imageName X Y Z Omega Phi Kappa\na.jpg 1 2 3 4 5 6\n", "Metashape or Pix4D"),
+        ("odometry.csv", "timestamp, frame, x, y, z, qx, qy, qz, qw\n", "Stray Scanner"),
+        ("d.csv", "image,latitude,longitude,altitude,yaw\n", "a drone"),
+        ("e.csv", "filename,lat,lon,height\n", "a drone"),
+        ("f.csv", "#Label;X/Longitude;Y/Latitude;Z/Altitude;Yaw;Pitch;Roll\n", "a drone"),
+        ("v.json", r#"{"sfm_data_version": "0.3", "views": []}"#, "OpenMVG"),
+        ("c.sfm", r#"{"version": [], "views": [], "intrinsics": [], "poses": []}"#, "Meshroom"),
+        ("shots.geojson", r#"{"type": "FeatureCollection", "features": []}"#, "OpenDroneMap"),
+        ("a.xml", "<?xml version=\"1.0\"?>\n<document version=\"2.0.0\"><chunk/></document>", "Metashape"),
+        ("a.json", r#"[{"segmentation": {}, "area": 1, "predicted_iou": 0.9, "bbox": [1, 2, 3, 4]}]"#, "SAM"),
+        ("b.json", r#"{"image": {"image_id": 1}, "annotations": []}"#, "SAM"),
+        ("g.json", r#"[{"value": 0, "label": "background"}]"#, "Grounded-SAM"),
+        ("h.json", r#"{"image_path": "a.jpg", "annotations": [], "box_format": "xyxy"}"#, "Grounded-SAM"),
+        ("i.json", r#"[{"image": "a.jpg", "annotations": [{"label": "cup", "coordinates": {}}]}]"#, "CreateML"),
+        ("j.json", r#"[{"name": "a.jpg", "labels": [{"category": "car", "box2d": {}}]}]"#, "BDD"),
+    ] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        for error in [find_cameras(&path).unwrap_err(), find_detections(&path).unwrap_err()] {
+            assert!(error.problem.starts_with(&format!("this is a file of {program}")), "{name}: {error}");
+        }
+    }
+    assert!(find_cameras(folder.path()).unwrap_err().problem.contains("Stray Scanner"));
 }
 
 #[test]

@@ -300,6 +300,9 @@ impl<R: Read + Seek> Frames<R> {
             detections: Vec::new(),
             topics: Vec::new(),
         });
+        if waiting.topics.contains(topic) && stamp == 0 {
+            return Err("the stamps of its messages are not set: they are 0; expected the time of the image".to_owned());
+        }
         if waiting.topics.contains(topic) {
             return Err(format!("there are two messages for the time {}; this one is left out", Seconds(stamp)));
         }

@@ -274,14 +274,18 @@ pub(super) struct Detections {
 /// The boxes of a `vision_msgs/Detection2DArray`, of any version.
 pub(super) fn detections(message: &Value) -> Result<Detections, String> {
     let root = At::root(message);
-    let (stamp, mut frame) = header(&root)?;
+    let (mut stamp, mut frame) = header(&root)?;
     let (mut detections, mut problems) = (Vec::new(), Vec::new());
     let list = root.field(&["detections"])?;
     for entry in list.items()? {
         match detection(&entry) {
-            Ok((record, own_frame)) => {
+            Ok((record, (own_stamp, own_frame))) => {
                 if frame.is_empty() {
                     frame = own_frame;
+                }
+                // Some detectors set the header of each detection only.
+                if stamp == 0 {
+                    stamp = own_stamp;
                 }
                 detections.push(record);
             }
@@ -291,7 +295,8 @@ pub(super) fn detections(message: &Value) -> Result<Detections, String> {
     Ok(Detections { stamp, frame, detections, problems })
 }
 
-fn detection(entry: &At) -> Result<(DetectionRecord, String), String> {
+/// A detection, with time and frame of its own header; 0 and empty without one.
+fn detection(entry: &At) -> Result<(DetectionRecord, (i64, String)), String> {
     let bounding_box = entry.field(&["bbox"])?;
     let center = bounding_box.field(&["center"])?;
     // From version 4 on the position has a name of its own.
@@ -312,10 +317,7 @@ fn detection(entry: &At) -> Result<(DetectionRecord, String), String> {
     }
     let is_tracking = entry.optional(&["is_tracking"]).map_or(Ok(1), |x| x.whole())? != 0;
     let id = entry.optional(&["id", "tracking_id"]).map_or(Ok(String::new()), |id| id.word())?;
-    let frame = match entry.optional(&["header"]) {
-        Some(_) => header(entry)?.1,
-        None => String::new(),
-    };
+    let own = entry.optional(&["header"]).map_or(Ok(Default::default()), |_| header(entry))?;
     let (category, score) = best.unzip();
     let mut record = DetectionRecord {
         category: category.filter(|name| !name.is_empty()).map(Into::into),
@@ -332,7 +334,7 @@ fn detection(entry: &At) -> Result<(DetectionRecord, String), String> {
         let turned = OrientedBox::new([x, y].into(), [width, height].into(), theta).map_err(|_| problem())?;
         record.oriented_box = Some(Box::new(turned.into()));
     }
-    Ok((record, frame))
+    Ok((record, own))
 }
 
 /// The object id of a track: `t` with the number, as from other formats.

@@ -231,7 +231,17 @@ pub(super) fn scan<R: Read + Seek>(input: R, options: &McapOptions) -> Result<Ov
     let mut all: BTreeMap<String, (Kind, u64)> = BTreeMap::new();
     let mut unreadable = Vec::new();
     for (channel, messages) in reader.channels() {
-        let Some(kind) = channel.schema.as_ref().and_then(|schema| kind_of(&schema.name)) else { continue };
+        let schema = channel.schema.as_ref().map_or("", |schema| schema.name.as_str());
+        let Some(kind) = kind_of(schema) else {
+            let name = schema.to_lowercase();
+            if ["detect", "boundingbox", "bounding_box", "yolo"].iter().any(|word| name.contains(word)) {
+                let topic = &channel.topic;
+                scan.notes.insert(format!(
+                    "{topic} is not read: its type is {schema}, expected vision_msgs/msg/Detection2DArray"
+                ));
+            }
+            continue;
+        };
         all.entry(channel.topic.clone()).or_insert((kind, 0)).1 += messages;
         if let Err(text) = Decoder::new(channel) {
             unreadable.push(Problem { place: None, topic: Some(channel.topic.clone()), text });

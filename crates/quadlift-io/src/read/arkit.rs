@@ -7,7 +7,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Matrix4, Vector3, Vector4};
+use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
 use quadlift::geometry::{Camera, CameraModel};
 
 use super::format::{Format, PoseFormat};
@@ -18,7 +18,7 @@ use super::options::ReadOptions;
 use super::poses::{check_rigid, from_rows, inverse, matrix4, rotation_of, rows};
 use crate::error::ReadError;
 use crate::images::read_image_size;
-use crate::input::{paths_below, read_bytes};
+use crate::input::{as_utf8, paths_below, read_bytes};
 use crate::scene_file::{CameraRecord, DepthImageRecord, FrameRecord, SceneFile};
 use crate::wording::count;
 
@@ -28,6 +28,9 @@ const POLYCAM: [[&str; 2]; 2] = [["corrected_cameras", "corrected_images"], ["ca
 /// The folder of Polycam's depth images, beside those of the images, and the meters of one count.
 const POLYCAM_DEPTH: &str = "depth";
 const POLYCAM_DEPTH_SCALE: f64 = 0.001;
+
+/// A rotation that differs from none by less is none.
+const LEVEL: f64 = 1e-6;
 
 /// Names of Record3D's metadata, and of the folders with its images.
 const RECORD3D: [&str; 4] = ["metadata", "metadata.json", "EXR_RGBD/metadata.json", "EXR_RGBD/metadata"];
@@ -59,7 +62,7 @@ pub(super) struct FrameFile<'a> {
 pub(super) struct CaptureImages<'a> {
     /// The name of the image of a frame, by the name without extension.
     pub named: &'a dyn Fn(&str) -> Option<String>,
-    /// Width and height of an image.
+    /// Width and height of an image, if known.
     pub size_of: &'a dyn Fn(&str) -> Option<[f64; 2]>,
 }
 
@@ -87,15 +90,11 @@ pub(super) const FORMAT: PoseFormat = Format {
 /// [`ReadError`] with file and entry, what was found and what was expected.
 fn read_arkit(path: &Path, options: &ReadOptions) -> Result<Import, ReadError> {
     let Some(capture) = capture_at(path) else {
-        let is_archive =
-            path.is_file() && path.extension().is_some_and(|extension| extension == "r3d" || extension == "zip");
-        let problem = match is_archive {
-            true => "this is a zip archive; unpack it and give its folder",
-            false => {
-                "expected the folder of a capture: of Polycam (keyframes/cameras), Record3D (metadata) or 3D Scanner App \
-                 (frame_00000.json)"
-            }
-        };
+        if path.is_file() {
+            as_utf8(path, &read_bytes(path)?)?;
+        }
+        let problem = "expected the folder of a capture: of Polycam (keyframes/cameras), Record3D (metadata) or 3D Scanner App \
+                       (frame_00000.json)";
         return Err(ReadError::new(path, problem));
     };
     let image_folder = match &capture {
@@ -108,7 +107,17 @@ fn read_arkit(path: &Path, options: &ReadOptions) -> Result<Import, ReadError> {
         }
     };
     let named = |stem: &str| image_of_stem(stem, &|name| image_folder.join(name).is_file());
-    let size_of = |image: &str| Some(read_image_size(&image_folder.join(image)).ok()?.map(f64::from));
+    // Polycam left the sizes of corrected images out of their files.
+    let of_original = |image: &str| match &capture {
+        Capture::Polycam { cameras, .. } => {
+            let path = cameras.join("..").join(POLYCAM[1][0]).join(image).with_extension("json");
+            let value = parse_json(&path, &read_bytes(&path).ok()?).ok()?;
+            size(&Node::root(&path, &value), ["width", "height"]).ok()?
+        }
+        _ => None,
+    };
+    let of_file = |image: &str| Some(read_image_size(&image_folder.join(image)).ok()?.map(f64::from));
+    let size_of = |image: &str| of_file(image).or_else(|| of_original(image));
     let images = CaptureImages { named: &named, size_of: &size_of };
     let mut import = match &capture {
         Capture::Record3d { metadata } => parse_record3d(metadata, &read_bytes(metadata)?, &images, options)?,
@@ -228,7 +237,7 @@ fn parse_polycam(
             stem: file.stem.to_owned(),
             world_from_camera: pose(&root, from_rows(&transform))?,
             intrinsics: intrinsics(&root, [number("fx")?, number("fy")?, number("cx")?, number("cy")?])?,
-            size: Some([size(&root, "width")?, size(&root, "height")?]),
+            size: size(&root, ["width", "height"])?,
             time: microseconds.map(|time| time / 1e6),
         });
     }
@@ -280,7 +289,7 @@ fn parse_record3d(
 ) -> Result<Import, ReadError> {
     let value = parse_json(path, bytes)?;
     let root = Node::root(path, &value);
-    let size = Some([size(&root, "w")?, size(&root, "h")?]);
+    let size = size(&root, ["w", "h"])?;
     // By columns.
     let [fx, _, _, _, fy, _, cx, cy, _] = root.member("K")?.numbers::<9>()?;
     let list = |key: &str| root.optional(key)?.map(|node| node.items()).transpose();
@@ -325,12 +334,16 @@ struct Shot {
     time: Option<f64>,
 }
 
-fn size(node: &Node, key: &str) -> Result<f64, ReadError> {
-    let value = node.member(key)?;
-    match value.number()? {
-        length if length > 0.0 => Ok(length),
-        length => Err(value.error(format!("found {length}, expected a positive number of pixels"))),
-    }
+/// Width and height by their keys, if they are there.
+fn size(node: &Node, keys: [&str; 2]) -> Result<Option<[f64; 2]>, ReadError> {
+    let side = |key: &str| {
+        let Some(value) = node.optional(key)? else { return Ok(None) };
+        match value.number()? {
+            length if length > 0.0 => Ok(Some(length)),
+            length => Err(value.error(format!("found {length}, expected a positive number of pixels"))),
+        }
+    };
+    Ok(side(keys[0])?.zip(side(keys[1])?).map(|(width, height)| [width, height]))
 }
 
 fn pose(node: &Node, transform: Matrix4<f64>) -> Result<Matrix4<f64>, ReadError> {
@@ -353,12 +366,20 @@ fn scene(
     images: &CaptureImages,
     options: &ReadOptions,
 ) -> Result<Import, ReadError> {
+    // Nobody holds a phone level to the last digit: these poses are relative to the first image (older files of Record3D).
+    let is_relative = shots
+        .first()
+        .is_some_and(|shot| (shot.world_from_camera.fixed_view::<3, 3>(0, 0) - Matrix3::identity()).amax() < LEVEL);
+    let (up, world) = match is_relative {
+        true => (None, "the world is that of the first image, in meters; its direction against gravity is unknown"),
+        false => (Some([0.0, 1.0, 0.0]), "the world is ARKit's, in meters, y against gravity"),
+    };
     let mut notes = vec![
         format!("{app}: OpenGL axes and camera-to-world poses were converted"),
-        "the world is ARKit's, in meters, y against gravity".to_owned(),
+        world.to_owned(),
         options.pixel_centers.note(),
     ];
-    let mut scene = SceneFile { length_unit: Some("m".to_owned()), up: Some([0.0, 1.0, 0.0]), ..SceneFile::default() };
+    let mut scene = SceneFile { length_unit: Some("m".to_owned()), up, ..SceneFile::default() };
     let names: Vec<Option<String>> = shots.iter().map(|shot| (images.named)(&shot.stem)).collect();
     let with_images = names.iter().flatten().count();
     let all = shots.len();
@@ -367,10 +388,8 @@ fn scene(
         if with_images > 0 && name.is_none() {
             continue;
         }
-        let found = name.is_some();
         let image = name.unwrap_or_else(|| format!("{}.jpg", shot.stem));
-        let of_image = || (images.size_of)(&image).filter(|_| found);
-        let size = shot.size.or_else(of_image).or(options.image_size);
+        let size = shot.size.or_else(|| (images.size_of)(&image)).or(options.image_size);
         let [fx, fy, cx, cy] = shot.intrinsics;
         if size.is_some_and(|[width, height]| (cx / width - 0.5).abs().max((cy / height - 0.5).abs()) > 0.125) {
             off_center.push(image.clone());

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::import::Import;
 use super::options::ReadOptions;
 use super::probe::{Found, Probe};
+use super::unread::{UNNAMED, holds_matrices, known_but_unread};
 use crate::error::ReadError;
 
 /// A format of other programs that is read.
@@ -29,6 +30,9 @@ pub struct Format<F: 'static> {
 /// A format of cameras and poses.
 pub type PoseFormat = Format<Import>;
 
+/// The kind of cameras and poses in messages.
+pub(crate) const CAMERA: &str = "camera";
+
 /// The first of the formats that a path is of, and where its reader begins.
 ///
 /// # Errors
@@ -45,6 +49,12 @@ pub(crate) fn recognize<F>(
         }
     }
     probe.check_json()?;
+    if let Some(problem) = known_but_unread(&probe)? {
+        return Err(ReadError::new(path, problem));
+    }
+    if kind == CAMERA && holds_matrices(&probe)? {
+        return Err(ReadError::new(path, UNNAMED));
+    }
     let looks: Vec<&str> = formats.map(|format| format.looks).filter(|looks| !looks.is_empty()).collect();
     let problem = format!(
         "unknown {kind} format: looked for {}; `quadlift import FORMAT` reads a given format",

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use quadlift::diagnosis::corrected_up;
+
 use crate::error::{EntryError, ReadError};
 use crate::scene_file::{CameraRecord, SceneFile};
 
@@ -25,12 +27,19 @@ pub struct Import {
 impl Import {
     /// The scene read from a file, after validation: duplicate ids and invalid cameras and poses are rejected here, for
     /// all formats.
-    pub(crate) fn checked(self, path: &Path) -> Result<Self, ReadError> {
+    ///
+    /// The direction `up` of a format that its cameras contradict is left out: nobody said that it is right.
+    pub(crate) fn checked(mut self, path: &Path) -> Result<Self, ReadError> {
         let in_file = |error: EntryError| {
             let problem = format!("the scene made of this file is not valid: {}: {}", error.entry, error.problem);
             ReadError::new(path, problem)
         };
-        self.scene.to_scene().map_err(in_file)?;
+        let scene = self.scene.to_scene().map_err(in_file)?;
+        if corrected_up(&scene).is_some() {
+            self.scene.up = None;
+            self.notes
+                .push("the cameras are not upright in this world: its direction against gravity is unknown".to_owned());
+        }
         self.scene.to_objects().map_err(in_file)?;
         Ok(self)
     }

@@ -140,6 +140,14 @@ impl<'a> Node<'a> {
         Ok(numbers)
     }
 
+    /// [`Self::three_rows`], or twelve numbers by rows.
+    pub(crate) fn matrix(&self) -> Result<[[f64; 4]; 3], ReadError> {
+        match self.numbers::<12>() {
+            Ok([a, b, c, d, e, f, g, h, i, j, k, l]) => Ok([[a, b, c, d], [e, f, g, h], [i, j, k, l]]),
+            Err(_) => self.three_rows(),
+        }
+    }
+
     /// Three rows of four numbers. A fourth row must be `[0, 0, 0, w]`; a matrix is known up to the factor w.
     pub(crate) fn three_rows(&self) -> Result<[[f64; 4]; 3], ReadError> {
         let items = self.items()?;

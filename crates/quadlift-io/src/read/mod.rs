@@ -8,9 +8,11 @@ pub(crate) mod json;
 mod image_names;
 mod options;
 mod poses;
+mod time_units;
 mod kitti_geometry;
 pub(crate) mod kitti_labels;
 mod probe;
+mod unread;
 mod format;
 mod arkit;
 mod colmap;
@@ -31,7 +33,7 @@ mod real_data_tests;
 
 pub use crate::format_options::FormatOption;
 pub use detections::DetectionFormat;
-pub(crate) use format::recognize;
+pub(crate) use format::{CAMERA, recognize};
 pub use format::{Format, PoseFormat};
 pub use image_names::find_images;
 pub use import::{Import, PixelCenters};
@@ -39,6 +41,7 @@ pub use options::{READ, ReadOptions};
 #[cfg(feature = "mcap")]
 pub(crate) use poses::from_rows;
 pub use probe::{Found, Probe};
+pub use unread::UNREAD;
 
 /// The formats of cameras and poses in this folder, in the order of recognition.
 pub(crate) const POSES: &[PoseFormat] = &[

@@ -19,6 +19,7 @@ use crate::error::ReadError;
 use crate::images::read_image_size;
 use crate::input::read_bytes;
 use crate::scene_file::{CameraRecord, DepthImageRecord, FrameRecord, SceneFile};
+use crate::wording::count;
 
 /// World units of one count of a depth image: nerfstudio's default, millimeters in a world in meters.
 const DEPTH_SCALE: f64 = 0.001;
@@ -72,13 +73,18 @@ fn parse_nerfstudio(
     let mut notes = vec!["OpenGL axes and camera-to-world poses were converted".to_owned(), pixel_centers.note()];
     let world_from_saved = world_from_saved(&root, &mut notes)?;
     let mut scene = SceneFile::default();
-    for frame in root.member("frames")?.items()? {
+    // ScanNet++ lists the images that it tests with apart.
+    let test = root.optional("test_frames")?.map(|node| node.items()).transpose()?.unwrap_or_default();
+    if !test.is_empty() {
+        notes.push(format!("{} of test_frames were read, too", count(test.len(), "frame")));
+    }
+    for frame in root.member("frames")?.items()?.iter().chain(&test) {
         let name = frame.member("file_path")?.text()?;
         let plain = name.strip_prefix("./").unwrap_or(name);
         // Blender's synthetic scenes leave out extensions.
         let full = if exists(plain) { None } else { image_of_stem(plain, exists) };
         let image = full.unwrap_or_else(|| plain.to_owned());
-        let camera = camera(&root, &frame, pixel_centers, &|| size_of(&image))?;
+        let camera = camera(&root, frame, pixel_centers, &|| size_of(&image))?;
         let id = camera_id(&mut scene, camera);
         let pose = frame.member("transform_matrix")?;
         let saved_from_gl = from_rows(&pose.three_rows()?);
@@ -92,7 +98,7 @@ fn parse_nerfstudio(
             camera: Some(id),
             cam_from_world: Some(rows(&cam_from_world)),
             image: Some(image),
-            depth: depth_image(&frame)?,
+            depth: depth_image(frame)?,
             ..FrameRecord::default()
         });
     }

@@ -65,6 +65,8 @@ pub struct ReadOptions {
     pub skip_errors: bool,
     /// Folder for the images in a log.
     pub write_images: Option<PathBuf>,
+    /// Whether the boxes have another format than the file's, which a correction undoes later: they may look reversed.
+    pub boxes_follow: bool,
     /// The detections that will take the place of those in the file, if there are any.
     pub detections: Option<PathBuf>,
 }

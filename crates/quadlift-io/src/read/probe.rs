@@ -124,6 +124,15 @@ impl Probe {
         })
     }
 
+    /// The words of the first line and of the comment before it, in small letters: names of columns stand in one of them.
+    ///
+    /// # Errors
+    /// As [`Self::text`].
+    pub(crate) fn header(&self) -> Result<Vec<String>, ReadError> {
+        let [comment, first] = first_lines(self.text()?).map(|line| Words::of(&line.to_lowercase()).words);
+        Ok([comment, first].concat())
+    }
+
     /// The file itself, or of a folder the first file with this extension that has content and is not beside the labels:
     /// it decides for all.
     ///
@@ -153,6 +162,18 @@ impl Probe {
             _ => Ok(()),
         }
     }
+}
+
+/// The last comment before the first line that is neither empty nor a comment, without its sign, and that line.
+pub(super) fn first_lines(text: &str) -> [&str; 2] {
+    let mut comment = "";
+    for line in text.lines().map(str::trim).filter(|line| !line.is_empty()) {
+        match line.strip_prefix('#') {
+            Some(line) => comment = line.trim(),
+            None => return [comment, line],
+        }
+    }
+    [comment, ""]
 }
 
 /// Texts about the data set that Roboflow puts beside the labels.
@@ -225,6 +246,18 @@ pub(crate) struct Words {
 }
 
 impl Words {
+    /// The fields of a line: between commas or semicolons, if it has any.
+    fn of(line: &str) -> Self {
+        let separator = [',', ';'].into_iter().find(|separator| line.contains(*separator));
+        let words = match separator {
+            Some(separator) => {
+                line.trim().trim_end_matches(separator).split(separator).map(|word| word.trim().to_owned()).collect()
+            }
+            None => line.split_whitespace().map(str::to_owned).collect(),
+        };
+        Self { commas: separator == Some(','), words }
+    }
+
     /// The numbers among them.
     pub(crate) fn numbers(&self) -> Vec<Option<f64>> {
         self.words.iter().map(|word| word.parse().ok()).collect()
@@ -258,14 +291,6 @@ impl Start {
             let name = root.split(|c: char| c.is_whitespace() || "/>".contains(c)).next();
             return Self::Xml(name.unwrap_or_default().to_owned());
         }
-        let line = text.lines().map(str::trim).find(|line| !line.is_empty() && !line.starts_with('#'));
-        let line = line.unwrap_or_default();
-        let commas = line.contains(',');
-        let words = if commas {
-            line.trim_end_matches(',').split(',').map(|word| word.trim().to_owned()).collect()
-        } else {
-            line.split_whitespace().map(str::to_owned).collect()
-        };
-        Self::Line(Words { commas, words })
+        Self::Line(Words::of(first_lines(text)[1]))
     }
 }

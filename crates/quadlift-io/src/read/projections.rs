@@ -1,20 +1,18 @@
 //! Plain lists of 3x4 projections from world points to pixels, as CSV or JSON.
 //!
-//! CSV: a row for each frame, `id, p11, ..., p14, p21, ..., p34` by rows of the matrix, then `width, height`, then the
-//! name of the image, as far as they are known; a first row with names is passed over. With 12 columns there is no id,
-//! and the frames are numbered from 0. JSON: a list of `{"id", "projection", "width", "height", "image"}`, or
-//! `{"frames": [...]}` around it, or an object `{id: projection}`.
+//! CSV: a row for each frame; the names in the first line, which may be a comment, decide what the columns are: `p11` to `p34`, and
+//! `id`, `width`, `height`, `image` as far as they are known. JSON: a list of `{"id", "projection", "width", "height", "image"}`, or
+//! `{"frames": [...]}` around it. Matrices without these names may be anything.
 
-use std::collections::HashSet;
 use std::path::Path;
 
 use quadlift::geometry::rotation_defect;
-use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, Visitor};
 
 use super::format::{Format, PoseFormat};
 use super::import::{Import, PixelCenters};
 use super::json::{Node, parse_json};
 use super::poses::from_rows;
+use super::probe::first_lines;
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{FrameRecord, SceneFile};
@@ -24,11 +22,11 @@ pub(super) const FORMAT: PoseFormat = Format {
     name: "projections",
     title: "projections",
     about: "A list of 3x4 projections, CSV or JSON",
-    looks: "projections (12 to 16 columns, or JSON)",
+    looks: "projections (columns p11 to p34, or JSON with \"projection\")",
     options: &["image_size", "pixel_centers"],
     finds: |probe| {
-        let is_row = probe.line()?.is_some_and(|line| line.commas && line.words.len() >= 12);
-        probe.when(is_row || probe.keys()?.are_json())
+        let is_json = || Ok::<bool, ReadError>(probe.keys()?.are_json() && probe.text()?.contains("\"projection\""));
+        probe.when(probe.header()?.iter().any(|name| name == "p11") || is_json()?)
     },
     read: |path, options| read_projections(path, options.image_size, options.pixel_centers),
 };
@@ -64,8 +62,8 @@ fn parse_projections(
     if !frames.is_empty() && frames.iter().all(|frame| frame.projection.as_ref().is_some_and(is_pose)) {
         return Err(ReadError::new(
             path,
-            "the matrices are poses [R | t] without intrinsics; expected projections K [R | t] to pixels: multiply each by its 3x3 \
-             matrix K, or give poses and intrinsics in another format (docs/formats: nerfstudio, TUM)",
+            "the matrices are poses [R | t], the intrinsics are missing; expected projections K [R | t] to pixels: multiply each by \
+             its 3x3 matrix K, or give poses and intrinsics in another format (docs/formats: nerfstudio, TUM)",
         ));
     }
     for frame in &mut frames {
@@ -94,10 +92,43 @@ fn is_pose(rows: &[[f64; 4]; 3]) -> bool {
     rotation_defect(&(part / part.determinant().cbrt())) < 1e-3
 }
 
-/// A matrix by rows from twelve numbers.
-fn by_rows(numbers: &[f64]) -> Option<[[f64; 4]; 3]> {
-    let row = |i: usize| numbers.get(4 * i..4 * i + 4)?.try_into().ok();
-    Some([row(0)?, row(1)?, row(2)?])
+/// The names of the columns of a table, and those that one without names has: 12 without an id, or the first 13, 15 or 16.
+const NAMES: [&str; 16] = [
+    "id", "p11", "p12", "p13", "p14", "p21", "p22", "p23", "p24", "p31", "p32", "p33", "p34", "width", "height",
+    "image",
+];
+
+/// The columns of a table.
+struct Columns {
+    id: Option<usize>,
+    matrix: [[usize; 4]; 3],
+    size: Option<[usize; 2]>,
+    image: Option<usize>,
+}
+
+impl Columns {
+    /// Those of names in the first line.
+    fn named(names: &[&str]) -> Result<Self, String> {
+        let column = |name: &str| names.iter().position(|known| known.eq_ignore_ascii_case(name));
+        let mut matrix = [[0; 4]; 3];
+        for (i, row) in matrix.iter_mut().enumerate() {
+            for (j, entry) in row.iter_mut().enumerate() {
+                let name = format!("p{}{}", i + 1, j + 1);
+                let missing = || {
+                    let shown = names.iter().take(20).map(|name| name.chars().take(40).collect::<String>());
+                    let shown: Vec<String> = shown.collect();
+                    format!(
+                        "there is no column \"{name}\"; expected p11 to p34, the 3x4 matrix by rows, and id, width, height, image as \
+                         far as known; the columns are {}",
+                        shown.join(", ")
+                    )
+                };
+                *entry = column(&name).ok_or_else(missing)?;
+            }
+        }
+        let size = column("width").zip(column("height")).map(|(width, height)| [width, height]);
+        Ok(Self { id: column("id"), matrix, size, image: column("image") })
+    }
 }
 
 fn from_csv(path: &Path, text: &str) -> Result<Vec<FrameRecord>, ReadError> {
@@ -108,6 +139,8 @@ fn from_csv(path: &Path, text: &str) -> Result<Vec<FrameRecord>, ReadError> {
         .comment(Some(b'#'))
         .from_reader(text.as_bytes());
     let mut frames = Vec::new();
+    let comment: Vec<&str> = first_lines(text)[0].split(',').map(str::trim).collect();
+    let mut columns: Option<Columns> = None;
     for (index, record) in reader.records().enumerate() {
         let record = record.map_err(|error| {
             let line = error.position().map_or(0, |position| position.line());
@@ -115,30 +148,45 @@ fn from_csv(path: &Path, text: &str) -> Result<Vec<FrameRecord>, ReadError> {
         })?;
         let line = record.position().map_or(0, |position| position.line()) as usize;
         let error = |problem: String| ReadError::new(path, problem).at(line, 0);
-        let columns = record.len();
-        let first = usize::from(columns != 12);
-        if index == 0 && record.get(first).is_some_and(|field| field.parse::<f64>().is_err()) {
-            continue;
+        if index == 0 {
+            // Names may stand in a comment, in as many columns as the table has.
+            let names: Vec<&str> = match record.len() {
+                count if count == comment.len() => comment.clone(),
+                _ if record.get(1).is_some_and(|field| field.parse::<f64>().is_err()) => record.iter().collect(),
+                12 => NAMES[1..13].to_vec(),
+                count @ (13 | 15 | 16) => NAMES[..count].to_vec(),
+                count => {
+                    return Err(error(format!(
+                        "found {count} columns without names; expected names in the first line, such as {}",
+                        NAMES.join(", ")
+                    )));
+                }
+            };
+            columns = Some(Columns::named(&names).map_err(error)?);
+            if record.iter().eq(names) {
+                continue;
+            }
         }
-        if !matches!(columns, 12 | 13 | 15 | 16) {
-            return Err(error(format!(
-                "found {columns} columns; expected 12 (a 3x4 matrix by rows), 13 with an id before, 15 with width and \
-                 height after, or 16 with the name of the image"
-            )));
-        }
+        let Some(columns) = &columns else { continue };
         let number = |column: usize| {
             let field = record.get(column).unwrap_or_default();
             let shown: String = field.chars().take(40).collect();
             (field.parse::<f64>().ok().filter(|x| x.is_finite()))
                 .ok_or_else(|| error(format!("column {} is \"{shown}\"; expected a number", column + 1)))
         };
-        let numbers = (first..first + 12).map(number).collect::<Result<Vec<f64>, _>>()?;
+        let mut projection = [[0.0; 4]; 3];
+        for (row, places) in projection.iter_mut().zip(columns.matrix) {
+            for (entry, place) in row.iter_mut().zip(places) {
+                *entry = number(place)?;
+            }
+        }
+        let text = |column: usize| record.get(column).filter(|text| !text.is_empty()).map(str::to_owned);
         frames.push(FrameRecord {
-            id: if first == 1 { record.get(0).unwrap_or_default().to_owned() } else { frames.len().to_string() },
-            projection: by_rows(&numbers),
-            width: (columns > 13).then(|| number(13)).transpose()?,
-            height: (columns > 13).then(|| number(14)).transpose()?,
-            image: record.get(15).filter(|name| !name.is_empty()).map(str::to_owned),
+            id: columns.id.and_then(text).unwrap_or_else(|| frames.len().to_string()),
+            projection: Some(projection),
+            width: columns.size.map(|[width, _]| number(width)).transpose()?,
+            height: columns.size.map(|[_, height]| number(height)).transpose()?,
+            image: columns.image.and_then(text),
             ..FrameRecord::default()
         });
     }
@@ -148,30 +196,14 @@ fn from_csv(path: &Path, text: &str) -> Result<Vec<FrameRecord>, ReadError> {
 fn from_json(path: &Path, bytes: &[u8]) -> Result<Vec<FrameRecord>, ReadError> {
     let value = parse_json(path, bytes)?;
     let root = Node::root(path, &value);
-    let projection = |node: &Node| match node.numbers::<12>() {
-        Ok(numbers) => Ok(by_rows(&numbers)),
-        Err(_) => node.three_rows().map(Some),
-    };
-    let list = match root.is_object() {
-        true => match root.optional("frames")? {
-            Some(list) => list,
-            None => {
-                check_keys(path, bytes)?;
-                let frame = |(id, node): (&str, Node)| {
-                    Ok(FrameRecord { id: id.to_owned(), projection: projection(&node)?, ..FrameRecord::default() })
-                };
-                return root.members()?.into_iter().map(frame).collect();
-            }
-        },
-        false => root,
-    };
+    let list = if root.is_object() { root.member("frames")? } else { root };
     let mut frames = Vec::new();
     for node in list.items()? {
         let number = |key: &str| node.optional(key)?.map(|node| node.number()).transpose();
         let text = |key: &str| node.optional(key)?.map(|node| node.text()).transpose();
         frames.push(FrameRecord {
             id: text("id")?.map_or_else(|| frames.len().to_string(), str::to_owned),
-            projection: projection(&node.member("projection")?)?,
+            projection: Some(node.member("projection")?.matrix()?),
             width: number("width")?,
             height: number("height")?,
             image: text("image")?.map(str::to_owned),
@@ -179,42 +211,6 @@ fn from_json(path: &Path, bytes: &[u8]) -> Result<Vec<FrameRecord>, ReadError> {
         });
     }
     Ok(frames)
-}
-
-/// Rejects duplicate keys in a JSON object: JSON readers keep the last of them.
-fn check_keys(path: &Path, bytes: &[u8]) -> Result<(), ReadError> {
-    let keys: Keys = serde_json::from_str(as_utf8(path, bytes)?)
-        .map_err(|error| ReadError::new(path, error.to_string()).at(error.line(), error.column()))?;
-    let mut seen = HashSet::new();
-    match keys.0.iter().find(|key| !seen.insert(key.as_str())) {
-        Some(key) => Err(ReadError::new(path, "two frames have this id").in_entry(key.clone())),
-        None => Ok(()),
-    }
-}
-
-/// The keys of a JSON object.
-struct Keys(Vec<String>);
-
-impl<'de> Deserialize<'de> for Keys {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct KeysVisitor;
-        impl<'de> Visitor<'de> for KeysVisitor {
-            type Value = Keys;
-
-            fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-                f.write_str("an object {...}")
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Keys, A::Error> {
-                let mut keys = Vec::new();
-                while let Some((key, IgnoredAny)) = map.next_entry::<String, IgnoredAny>()? {
-                    keys.push(key);
-                }
-                Ok(Keys(keys))
-            }
-        }
-        deserializer.deserialize_map(KeysVisitor)
-    }
 }
 
 #[cfg(test)]

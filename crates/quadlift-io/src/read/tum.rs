@@ -12,6 +12,7 @@ use super::import::Import;
 use super::options::ReadOptions;
 use super::poses::{inverse, matrix4, rotation_of, rows};
 use super::probe::Words;
+use super::time_units::units;
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::scene_file::{CameraRecord, FrameRecord, SceneFile};
@@ -63,7 +64,7 @@ fn parse_tum(
 ) -> Result<Import, ReadError> {
     let mut notes = vec!["camera-to-world poses were inverted; quaternions are x, y, z, w".to_owned()];
     let camera = camera(intrinsics.0, intrinsics.1, options, &mut notes)?;
-    let poses = poses(trajectory.0, trajectory.1)?;
+    let mut poses = poses(trajectory.0, trajectory.1)?;
     let tolerance = options.time_tolerance.unwrap_or(TIME_TOLERANCE);
     let mut scene = SceneFile { cameras: vec![camera], ..SceneFile::default() };
     let frame = |id: &str, pose: &Pose| FrameRecord {
@@ -74,7 +75,7 @@ fn parse_tum(
     };
     match (options.image_list.as_deref(), images) {
         (Some(path), Some(bytes)) => {
-            let mut without_pose = 0;
+            let mut listed = Vec::new();
             for line in lines(path, as_utf8(path, bytes)?).filter(|line| !line.is_blank_or_comment()) {
                 let mut fields = line.fields();
                 let time = fields.number("a time in seconds")?;
@@ -82,12 +83,16 @@ fn parse_tum(
                 if image.is_empty() {
                     return Err(line.error("the line ends after 1 field; expected the name of an image"));
                 }
+                listed.push((time, image.to_owned()));
+            }
+            let unit = to_seconds(&mut poses, &listed.iter().map(|(time, _)| *time).collect::<Vec<f64>>());
+            let mut without_pose = 0;
+            for (time, image) in listed.into_iter().map(|(time, image)| (time * unit, image)) {
                 match nearest(&poses, time).filter(|pose| (pose.time - time).abs() <= tolerance) {
-                    Some(pose) => scene.frames.push(FrameRecord {
-                        time: Some(time),
-                        image: Some(image.to_owned()),
-                        ..frame(image, pose)
-                    }),
+                    Some(pose) => {
+                        let record = frame(&image, pose);
+                        scene.frames.push(FrameRecord { time: Some(time), image: Some(image), ..record });
+                    }
                     None => without_pose += 1,
                 }
             }
@@ -97,6 +102,7 @@ fn parse_tum(
             ));
         }
         _ => {
+            to_seconds(&mut poses, &[]);
             scene.frames.extend(poses.iter().map(|pose| FrameRecord { time: Some(pose.time), ..frame(&pose.id, pose) }))
         }
     }
@@ -112,6 +118,14 @@ struct Pose {
     id: String,
     time: f64,
     cam_from_world: [[f64; 4]; 3],
+}
+
+/// Converts the times of poses to seconds; the seconds of one unit of the other times.
+fn to_seconds(poses: &mut [Pose], others: &[f64]) -> f64 {
+    let times: Vec<f64> = poses.iter().map(|pose| pose.time).collect();
+    let [unit, other] = units(&times, others);
+    poses.iter_mut().for_each(|pose| pose.time *= unit);
+    other
 }
 
 /// The poses, sorted by time.

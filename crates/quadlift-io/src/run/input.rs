@@ -30,6 +30,8 @@ pub struct FileInput {
     pub context: Context,
     /// Masks, depth images and points that could not be read, and the detections that they affect.
     pub problems: Vec<String>,
+    /// What was left out because it contradicts the boxes.
+    pub warnings: Vec<String>,
     /// What depth images gave, if the scene has any.
     pub depth_images: Option<DepthsFound>,
     /// What points gave, if the scene has any.
@@ -78,6 +80,7 @@ impl FileInput {
             file,
             notes: Vec::new(),
             problems: Vec::new(),
+            warnings: Vec::new(),
             depth_images: None,
             points: None,
             memory: None,
@@ -132,22 +135,26 @@ impl FileInput {
         }
     }
 
-    fn measure_masks(&mut self, source: Option<u32>, observer: &dyn Observer) -> Result<(), InputError> {
+    /// Gives detections the tangent lines of their masks; whether these are used.
+    fn measure_masks(&mut self, source: Option<u32>, observer: &dyn Observer) -> Result<bool, InputError> {
         let has_lines = |d: &DetectionRecord| d.mask.is_some() || d.outline.is_some() || d.oriented_box.is_some();
         if !self.file.detections.iter().any(has_lines) {
             return Err(InputError::NoMasks);
         }
         observer.begins(Phase::Masks);
         let scene = Arc::make_mut(&mut self.scene);
-        let unread = self.file.add_support_lines(&self.path, scene, source, observer);
+        let found = self.file.add_support_lines(&self.path, scene, source, observer);
         // Detections of one label image share its problem.
         let mut problems = Problems::default();
-        for (index, error) in unread.map_err(|error| error.in_file(&self.path))? {
+        let found = found.map_err(|error| error.in_file(&self.path))?;
+        let are_used = found.are_used;
+        self.warnings.extend(found.left_out);
+        for (index, error) in found.unread {
             problems.add(error.to_string(), &[index]);
         }
         let problems = problems.in_words(&self.scene);
         self.failed(problems);
-        Ok(())
+        Ok(are_used)
     }
 
     /// Adds depths of detections by one of the functions of [`SceneFile`].
@@ -194,18 +201,19 @@ impl Input for FileInput {
         Ok(true)
     }
 
-    fn measure(&mut self, options: &LocalizeOptions, observer: &dyn Observer) -> Result<(), InputError> {
+    fn measure(&mut self, options: &LocalizeOptions, observer: &dyn Observer) -> Result<MeasurementKind, InputError> {
+        let mut kind = options.measurements;
         // The views of a map carry what was measured in them.
         if self.memory.is_some() {
-            return Ok(());
+            return Ok(kind);
         }
         // An ambiguous source is reported by the localization.
         let source = self.scene.source_index(options.source.as_deref()).unwrap_or_default();
-        if options.measurements == MeasurementKind::Mask {
-            self.measure_masks(source, observer)?;
+        if kind == MeasurementKind::Mask && !self.measure_masks(source, observer)? {
+            kind = MeasurementKind::Auto;
         }
         if options.method.posterior_options().is_none() {
-            return Ok(());
+            return Ok(kind);
         }
         if self.file.has_depth_images() {
             observer.begins(Phase::DepthImages);
@@ -218,6 +226,6 @@ impl Input for FileInput {
                 self.measure_depths(|file, path, scene| file.add_depths_of_points(path, scene, source, observer))?;
             self.points = Some(found);
         }
-        Ok(())
+        Ok(kind)
     }
 }

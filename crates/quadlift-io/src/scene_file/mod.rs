@@ -21,6 +21,7 @@ mod run;
 mod suggest;
 mod detection_cues;
 mod convert;
+pub(crate) mod mask_check;
 mod tangent_lines;
 mod unknown;
 mod read;

@@ -7,8 +7,20 @@ use quadlift::Observer;
 use quadlift::scene::Scene;
 use quadlift_segment::FrameMasks;
 
+use super::mask_check::{FEW, contradiction};
 use super::records::SceneFile;
 use crate::error::{EntryError, ReadError};
+
+/// Which masks gave no tangent lines; all others did.
+#[derive(Debug, Default)]
+pub(crate) struct MasksRead {
+    /// What could not be read, with the index of the detection.
+    pub unread: Vec<(usize, ReadError)>,
+    /// What was left out because it does not meet the boxes, in words.
+    pub left_out: Option<String>,
+    /// Whether the others are used.
+    pub are_used: bool,
+}
 
 impl SceneFile {
     /// Reads the masks of the detections of one source (of all without one) and gives the scene's detections their
@@ -16,7 +28,7 @@ impl SceneFile {
     /// `path` is the file's. Unreliable masks of `quadlift segment` (`fallback`) are skipped. `progress` is called
     /// with the number of frames done and their total.
     ///
-    /// Returns what could not be read, with the index of the detection; all others are done.
+    /// Masks that do not meet the boxes of their detections are left out; all of them, if these are more than a few.
     ///
     /// # Errors
     /// As [`Self::to_images`].
@@ -26,7 +38,7 @@ impl SceneFile {
         scene: &mut Scene,
         source_index: Option<u32>,
         observer: &dyn Observer,
-    ) -> Result<Vec<(usize, ReadError)>, EntryError> {
+    ) -> Result<MasksRead, EntryError> {
         let images = self.to_images(path)?;
         let fallback = |index: usize| {
             self.detections[index].segmentation.as_ref().is_some_and(|segmentation| segmentation.fallback())
@@ -41,7 +53,7 @@ impl SceneFile {
                 frames.entry(detection.frame_index).or_default().push(index);
             }
         }
-        let mut problems = Vec::new();
+        let (mut problems, mut elsewhere) = (Vec::new(), BTreeMap::new());
         for (done, (&frame, detections)) in frames.iter().enumerate() {
             if observer.progress(done, frames.len()).is_break() {
                 break;
@@ -55,7 +67,13 @@ impl SceneFile {
             }
             let all = FrameMasks::new(masks.iter().map(|(_, mask)| mask));
             let frame = scene.frames[frame as usize].clone();
+            let size = frame.image_size.map(|size| [size.x as u32, size.y as u32]);
             for (index, mask) in &masks {
+                let others = detections.iter().filter(|other| *other != index).filter_map(|&other| images.boxes[other]);
+                if let Some(reason) = images.boxes[*index].and_then(|own| contradiction(mask, &own, others, size)) {
+                    *elsewhere.entry(reason).or_insert(0) += 1;
+                    continue;
+                }
                 let lines = all.tangent_lines(mask, frame.image_size, frame.lens.as_ref());
                 // Masks that were found in a box know its edges from the box.
                 let box_of = |index: usize| scene.detections[index].bounding_box.filter(|_| found_in_box(index));
@@ -67,6 +85,18 @@ impl SceneFile {
             }
         }
         let _ = observer.progress(frames.len(), frames.len());
-        Ok(problems)
+        let (all, wrong) = (frames.values().map(Vec::len).sum::<usize>(), elsewhere.values().sum::<usize>());
+        let are_used = wrong as f64 <= FEW * all as f64;
+        let most = elsewhere.into_iter().max_by_key(|(_, count)| *count);
+        let words = most.map(|(reason, _)| {
+            let rest = if are_used { "" } else { "; boxes are used instead of all masks" };
+            format!(
+                "{wrong} of {all} masks do not meet the boxes of their detections and are left out, as of most: {reason}{rest}"
+            )
+        });
+        if !are_used {
+            frames.values().flatten().for_each(|&index| scene.set_support_lines(index, None));
+        }
+        Ok(MasksRead { unread: problems, left_out: words, are_used })
     }
 }

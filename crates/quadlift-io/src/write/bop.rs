@@ -16,7 +16,7 @@ const MM: f64 = 1000.0;
 pub(super) const FORMAT: ExportFormat = ExportFormat {
     name: "bop",
     about: "BOP results: poses of the bodies in each frame, millimeters",
-    options: &["only_detected", "scene_id"],
+    options: &["only_detected", "scene_id", "length_unit"],
     write: Writer::Bodies(|scene, options| {
         Ok(bop_results(scene, options.scene_id.unwrap_or(0), options.only_detected))
     }),

@@ -8,7 +8,7 @@ use quadlift::geometry::ConvexBody;
 use serde_json::{Map, Value, json};
 
 use super::format::{ExportFormat, Writer};
-use super::geodesy::{Place, Tangent};
+use super::geodesy::{Crs, Place, Tangent};
 use super::scores::Scores;
 use super::{CheckedScene, Document, Object};
 use crate::error::EntryError;
@@ -21,6 +21,9 @@ const CORNERS: u32 = 64;
 /// Probability of an ellipse.
 const PROBABILITY: f64 = 0.95;
 
+/// Farthest from the origin of a tangent plane, in meters: what is farther away has other coordinates.
+const FARTHEST: f64 = 1e5;
+
 /// Least sine of the angle between north and up.
 const MIN_ANGLE: f64 = 0.1;
 
@@ -29,13 +32,15 @@ const MIN_ANGLE: f64 = 0.1;
 pub(super) struct GeoJsonOptions {
     /// Place of the world's origin; by default the `reference_lla` of the scene.
     pub origin: Option<Place>,
+    /// The world's coordinates, where they are not those of a tangent plane.
+    pub crs: Option<Crs>,
     /// World direction whose horizontal part is north; by default y.
     pub north: [f64; 3],
 }
 
 impl Default for GeoJsonOptions {
     fn default() -> Self {
-        Self { origin: None, north: [0.0, 1.0, 0.0] }
+        Self { origin: None, crs: None, north: [0.0, 1.0, 0.0] }
     }
 }
 
@@ -43,9 +48,9 @@ impl Default for GeoJsonOptions {
 pub(super) const FORMAT: ExportFormat = ExportFormat {
     name: "geojson",
     about: "GeoJSON: objects as points on Earth with their error ellipses",
-    options: &["enclosing", "origin", "north"],
+    options: &["enclosing", "origin", "crs", "north", "length_unit"],
     write: Writer::Bodies(|scene, options| {
-        let about = GeoJsonOptions { origin: options.origin, north: options.north };
+        let about = GeoJsonOptions { origin: options.origin, crs: options.crs, north: options.north };
         geojson(scene, &about).map_err(|error| error.in_file(&options.scene))
     }),
 };
@@ -53,29 +58,34 @@ pub(super) const FORMAT: ExportFormat = ExportFormat {
 /// The objects as a `FeatureCollection`.
 ///
 /// # Errors
-/// [`EntryError`] if there is no origin, the length unit or `up` is missing, or north is parallel to `up`.
+/// [`EntryError`] if there is no origin, the length unit or `up` is missing, north is parallel to `up`, or an object is far away
+/// from the origin.
 pub(super) fn geojson(scene: &CheckedScene, options: &GeoJsonOptions) -> Result<Document, EntryError> {
     let world = World::new(scene, options)?;
     let [x, y, z] = options.north;
-    let mut notes = vec![format!("north is the horizontal part of the world's ({x}, {y}, {z})")];
+    let mut notes = Vec::new();
+    if options.crs.is_none() {
+        notes.push(format!("north is the horizontal part of the world's ({x}, {y}, {z})"));
+    }
     notes.extend(scene.meters().1);
-    if options.origin.is_none() {
+    if options.origin.is_none() && options.crs.is_none() {
         notes.push(format!("the origin is the {REFERENCE} of the scene"));
     }
     let scores = Scores::known(scene);
     let mut features = Vec::new();
     let mut without = 0;
     for object in &scene.objects {
-        let center = world.east_north_up * object.body.center().coords;
+        let local = world.around(&object.body.center().coords);
+        check_distance(object, &local)?;
         let record = scene.file.objects.iter().find(|record| record.id == object.id);
         let covariance = match (&object.covariance, record.and_then(|record| record.center_sd)) {
             (Some((covariance, _)), _) => Some(covariance.matrix.fixed_view::<3, 3>(0, 0).into_owned()),
             (None, sd) => sd.map(|sd| Matrix3::from_diagonal_element(sd * sd)),
         };
-        let covariance = covariance.map(|c| world.east_north_up * c * world.east_north_up.transpose());
-        features.push(point(&world, object, &center, covariance.as_ref(), scores.known_score(&object.id)));
+        let covariance = covariance.map(|c| local.east_north_up * c * local.east_north_up.transpose());
+        features.push(point(&local, world.meters, object, covariance.as_ref(), scores.known_score(&object.id)));
         match covariance {
-            Some(covariance) => features.push(ellipse(&world, object, &center, &covariance)),
+            Some(covariance) => features.push(ellipse(&local, object, &covariance)),
             None => without += 1,
         }
     }
@@ -87,28 +97,53 @@ pub(super) fn geojson(scene: &CheckedScene, options: &GeoJsonOptions) -> Result<
     Ok(Document { content: format!("{document:#}\n").into_bytes(), counts, notes })
 }
 
+/// Rejects an object far away from the origin of its tangent plane: its world has other coordinates.
+fn check_distance(object: &Object, local: &Local) -> Result<(), EntryError> {
+    let distance = local.center.norm();
+    if distance <= FARTHEST {
+        return Ok(());
+    }
+    Err(EntryError::new(
+        format!("objects, id \"{}\"", object.id),
+        format!(
+            "it is {:.0} km away from the origin; a world in UTM or Earth-centered coordinates needs --crs: EPSG:32633 for UTM zone 33 \
+             north (32733 south), EPSG:4978 for Earth-centered",
+            distance / 1000.0
+        ),
+    ))
+}
+
 /// From the world to the Earth.
 struct World {
-    tangent: Tangent,
-    /// From the world to east, north, up in meters: a rotation times the meters in the world unit.
-    east_north_up: Matrix3<f64>,
-    /// Upwards in the world, a unit vector.
-    up: Vector3<f64>,
+    from: From,
     meters: f64,
+}
+
+/// What a world's coordinates are.
+enum From {
+    /// Those of a tangent plane, and the rotation to east, north, up, times the meters in the world unit.
+    Plane(Tangent, Matrix3<f64>),
+    Crs(Crs),
+}
+
+/// The surroundings of an object: a tangent plane, the object in it, and the map from the world to east, north, up in meters.
+struct Local {
+    tangent: Tangent,
+    center: Vector3<f64>,
+    east_north_up: Matrix3<f64>,
 }
 
 impl World {
     fn new(scene: &CheckedScene, options: &GeoJsonOptions) -> Result<Self, EntryError> {
+        if let Some(crs) = options.crs {
+            return Ok(Self { from: From::Crs(crs), meters: meters(scene)? });
+        }
         let reference = || scene.file.extra.get(REFERENCE).map(place).transpose();
         let Some(origin) = options.origin.map(Ok).or(reference().transpose()).transpose()? else {
             let problem = "missing; --origin LAT,LON,ALT sets the place of the world's origin on Earth";
             return Err(EntryError::new(REFERENCE, problem));
         };
-        let Some(meters) = scene.known_meters() else {
-            let found = scene.file.length_unit.as_deref().map_or("none".to_owned(), |unit| format!("\"{unit}\""));
-            let problem = format!("found {found}, expected a unit such as \"m\": places on Earth need meters");
-            return Err(EntryError::new("length_unit", problem));
-        };
+        let meters = meters(scene)?;
         let Some(up) = scene.file.up.and_then(|up| Vector3::from(up).try_normalize(0.0)) else {
             return Err(EntryError::new("up", "there is none: places on Earth need the direction against gravity"));
         };
@@ -121,19 +156,57 @@ impl World {
         }
         let north = level.normalize();
         let axes = Matrix3::from_columns(&[north.cross(&up), north, up]);
-        Ok(Self { tangent: Tangent::new(&origin), east_north_up: axes.transpose() * meters, up, meters })
+        Ok(Self { from: From::Plane(Tangent::new(&origin), axes.transpose() * meters), meters })
     }
 
-    /// Longitude, latitude and height of a position (east, north, up); the longitude is near the given one, so that a polygon
-    /// is not torn at 180 degrees.
-    fn coordinates(&self, position: &Vector3<f64>, near: Option<f64>) -> [f64; 3] {
-        let Place { latitude, mut longitude, altitude } = self.tangent.place(position);
+    /// The surroundings of a position in the world.
+    fn around(&self, position: &Vector3<f64>) -> Local {
+        match &self.from {
+            From::Plane(tangent, east_north_up) => {
+                Local { tangent: *tangent, center: east_north_up * position, east_north_up: *east_north_up }
+            }
+            From::Crs(crs) => {
+                let place = |at: Vector3<f64>| crs.place(&(at * self.meters));
+                let tangent = Tangent::new(&place(*position));
+                // Meters, of which a projection bends a ten millionth.
+                let step = 1.0 / self.meters;
+                let column = |axis: usize| {
+                    let offset = Vector3::ith(axis, step);
+                    let [before, after] = [-offset, offset].map(|offset| tangent.position(&place(position + offset)));
+                    (after - before) / (2.0 * step)
+                };
+                let east_north_up = Matrix3::from_columns(&[column(0), column(1), column(2)]);
+                Local { tangent, center: Vector3::zeros(), east_north_up }
+            }
+        }
+    }
+}
+
+impl Local {
+    /// Upwards in the world, a unit vector.
+    fn up(&self) -> Vector3<f64> {
+        self.east_north_up.row(2).transpose().normalize()
+    }
+
+    /// Longitude, latitude and height at an offset (east, north, up) from the object; the longitude is near the given one, so
+    /// that a polygon is not torn at 180 degrees.
+    fn coordinates(&self, offset: &Vector3<f64>, near: Option<f64>) -> [f64; 3] {
+        let Place { latitude, mut longitude, altitude } = self.tangent.place(&(self.center + offset));
         if let Some(near) = near {
             longitude += 360.0 * ((near - longitude) / 360.0).round();
         }
         // A billionth of a degree is a tenth of a millimeter.
         [rounded(longitude, 9), rounded(latitude, 9), rounded(altitude, 4)]
     }
+}
+
+/// Meters in the world unit.
+fn meters(scene: &CheckedScene) -> Result<f64, EntryError> {
+    scene.known_meters().ok_or_else(|| {
+        let found = scene.file.length_unit.as_deref().map_or("none".to_owned(), |unit| format!("\"{unit}\""));
+        let problem = format!("found {found}, expected a unit such as \"m\": places on Earth need meters");
+        EntryError::new("length_unit", problem)
+    })
 }
 
 /// The place in the scene.
@@ -154,15 +227,10 @@ fn rounded(x: f64, places: i32) -> f64 {
     (x * factor).round() / factor
 }
 
-fn point(
-    world: &World,
-    object: &Object,
-    center: &Vector3<f64>,
-    covariance: Option<&Matrix3<f64>>,
-    score: Option<f64>,
-) -> Value {
-    let height = (object.body.support(&world.up) + object.body.support(&-world.up)) * world.meters;
-    let size = object.body.half_extents * (2.0 * world.meters);
+fn point(local: &Local, meters: f64, object: &Object, covariance: Option<&Matrix3<f64>>, score: Option<f64>) -> Value {
+    let up = local.up();
+    let height = (object.body.support(&up) + object.body.support(&-up)) * meters;
+    let size = object.body.half_extents * (2.0 * meters);
     let mut properties = Map::new();
     let mut set = |key: &str, value: Value| properties.insert(key.to_owned(), value);
     set("kind", json!("object"));
@@ -176,12 +244,12 @@ fn point(
     for (index, key) in ["sd_east", "sd_north", "sd_up"].into_iter().enumerate() {
         set(key, json!(covariance.map(|c| rounded(c[(index, index)].max(0.0).sqrt(), 6))));
     }
-    let geometry = json!({ "type": "Point", "coordinates": world.coordinates(center, None) });
+    let geometry = json!({ "type": "Point", "coordinates": local.coordinates(&Vector3::zeros(), None) });
     json!({ "type": "Feature", "geometry": geometry, "properties": properties })
 }
 
 /// The ellipse that contains the horizontal position with a probability of [`PROBABILITY`], at the height of the center.
-fn ellipse(world: &World, object: &Object, center: &Vector3<f64>, covariance: &Matrix3<f64>) -> Value {
+fn ellipse(local: &Local, object: &Object, covariance: &Matrix3<f64>) -> Value {
     let level: Matrix2<f64> = covariance.fixed_view::<2, 2>(0, 0).into_owned();
     let eigen = SymmetricEigen::new(0.5 * (level + level.transpose()));
     // The square of the radius has the chi-square distribution with two degrees of freedom.
@@ -192,11 +260,11 @@ fn ellipse(world: &World, object: &Object, center: &Vector3<f64>, covariance: &M
     let heading = axis.x.atan2(axis.y).to_degrees().rem_euclid(180.0);
     // Counterclockwise as seen from above, as RFC 7946 asks.
     let (first, second) = (axis * semi_axes[longest], Vector2::new(-axis.y, axis.x) * semi_axes[1 - longest]);
-    let near = world.coordinates(center, None)[0];
+    let near = local.coordinates(&Vector3::zeros(), None)[0];
     let corner = |index: u32| {
         let (sin, cos) = (TAU * f64::from(index % CORNERS) / f64::from(CORNERS)).sin_cos();
         let offset = first * cos + second * sin;
-        world.coordinates(&(center + Vector3::new(offset.x, offset.y, 0.0)), Some(near))
+        local.coordinates(&Vector3::new(offset.x, offset.y, 0.0), Some(near))
     };
     let ring: Vec<[f64; 3]> = (0..=CORNERS).map(corner).collect();
     json!({
@@ -300,6 +368,42 @@ mod tests {
         let (found, _) = export(&file, &turned).unwrap();
         assert_eq!(found["features"][0]["geometry"], expected["features"][0]["geometry"]);
         assert_eq!(found["features"][0]["properties"]["height"], 1.5);
+    }
+
+    #[test]
+    fn worlds_in_utm_and_earth_centered_coordinates_are_placed() {
+        let options = |crs| GeoJsonOptions { crs: Crs::of_name(crs), ..Default::default() };
+        let moved = |by: [f64; 3]| {
+            let mut file = three_bodies();
+            file.up = None;
+            let center = &mut file.objects[0].ellipsoid.as_mut().unwrap().center;
+            *center = [0, 1, 2].map(|k| by[k] + center[k]);
+            file.objects.truncate(1);
+            file.detections.clear();
+            file
+        };
+        // On the central meridian grid north is north; a meter of the grid is 1 / 0.9996 m, and more at a height.
+        let (found, _) = export(&moved([5e5 - 1.0, 5_338_000.0, 170.0]), &options("EPSG:32633")).unwrap();
+        let coordinates = |k: usize| found["features"][0]["geometry"]["coordinates"][k].as_f64().unwrap();
+        assert_eq!((coordinates(0), coordinates(2)), (15.0, 170.0));
+        assert!((coordinates(1) - 48.194).abs() < 0.01, "{}", coordinates(1));
+        let properties = &found["features"][0]["properties"];
+        assert_eq!((&properties["sd_east"], &properties["sd_north"]), (&json!(0.200085), &json!(0.300128)));
+        assert_eq!(properties["height"], 1.5);
+        // At latitude 0 and longitude 0 up is x, east is y and north is z.
+        let (found, _) = export(&moved([6_378_137.0, -0.5, 0.0]), &options("EPSG:4978")).unwrap();
+        assert_eq!(found["features"][0]["geometry"]["coordinates"], json!([0.0, 0.0, 1.0]));
+        let properties = &found["features"][0]["properties"];
+        assert_eq!(
+            (&properties["sd_up"], &properties["sd_east"], &properties["sd_north"]),
+            (&json!(0.2), &json!(0.3), &json!(1.0))
+        );
+        assert_eq!(properties["height"], 1.0);
+        // Such a world is no tangent plane.
+        let mut far = moved([5e5, 5_338_000.0, 170.0]);
+        far.up = Some([0.0, 0.0, 1.0]);
+        let error = export(&far, &GeoJsonOptions { origin: Some(ORIGIN), ..Default::default() }).unwrap_err();
+        assert!(error.problem.contains("5361 km away from the origin") && error.problem.contains("--crs"), "{error:?}");
     }
 
     #[test]

@@ -31,7 +31,7 @@ const EDGES: [[u32; 2]; 8] = [[0, 1], [0, 2], [0, 3], [0, 4], [1, 2], [2, 3], [3
 pub(super) const FORMAT: ExportFormat = ExportFormat {
     name: "glb",
     about: "glTF binary: one node per object, and camera frusta; meters, y up",
-    options: &["enclosing", "frusta"],
+    options: &["enclosing", "frusta", "length_unit"],
     write: Writer::Bodies(|scene, options| Ok(glb(scene, options.frusta))),
 };
 

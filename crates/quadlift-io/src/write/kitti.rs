@@ -31,7 +31,7 @@ pub(super) struct KittiLabelOptions {
 pub(super) const FORMAT: ExportFormat = ExportFormat {
     name: "kitti",
     about: "KITTI tracking labels: upright boxes in the camera frame of each image",
-    options: &["enclosing", "only_detected", "calib"],
+    options: &["enclosing", "only_detected", "calib", "length_unit"],
     write: Writer::Bodies(|scene, options| {
         let cam_from_rect = options.calib.as_deref().map(read_cam_from_rect).transpose()?;
         Ok(kitti_labels(scene, &KittiLabelOptions { only_detected: options.only_detected, cam_from_rect }))

@@ -44,7 +44,7 @@ fn box_of(detection: &DetectionRecord) -> Option<[f64; 5]> {
 pub(super) const FORMAT: ExportFormat = ExportFormat {
     name: "mcap",
     about: "MCAP: a log of ROS 2 with 3D detections, markers, cameras and 2D detections",
-    options: &["enclosing", "frame_id"],
+    options: &["enclosing", "frame_id", "length_unit"],
     write: Writer::Bodies(|scene, options| Ok(mcap(scene, options.frame()))),
 };
 

@@ -7,6 +7,7 @@
 mod colors;
 mod frusta;
 pub mod geodesy;
+mod units;
 mod options;
 mod format;
 mod cameras;
@@ -23,7 +24,6 @@ mod pose_covariance;
 mod stamps;
 #[cfg(feature = "mcap")]
 pub mod mcap;
-mod units;
 mod views;
 mod bop;
 mod kitti;
@@ -86,6 +86,7 @@ pub enum BodyChoice {
 pub struct CheckedScene<'a> {
     file: &'a SceneFile,
     scene: Scene,
+    length_unit: Option<String>,
     objects: Vec<Object>,
     /// Ids of the objects without a body: only the CSV table holds them.
     pub without_body: Vec<String>,
@@ -106,6 +107,13 @@ struct Object {
 }
 
 impl<'a> CheckedScene<'a> {
+    /// The same scene with lengths in another unit, if one is given.
+    #[must_use]
+    pub fn in_unit(mut self, unit: Option<&str>) -> Self {
+        self.length_unit = unit.map(str::to_owned).or(self.length_unit);
+        self
+    }
+
     /// Checks a scene and takes one body of each object.
     ///
     /// # Errors
@@ -137,7 +145,7 @@ impl<'a> CheckedScene<'a> {
                 None => without_body.push(object.id),
             }
         }
-        Ok(Self { file, scene, objects, without_body, not_ok })
+        Ok(Self { file, length_unit: scene.length_unit.clone(), scene, objects, without_body, not_ok })
     }
 
     /// Number of objects with a body.

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::geodesy::Place;
+use super::geodesy::{Crs, Place};
+use super::units::meters_of;
 use crate::format_options::{FormatOption, name, number, path, whole};
 
 /// The options of all formats; each writes with its own ([`super::format::ExportFormat::options`]).
@@ -20,6 +21,10 @@ pub struct WriteOptions {
     pub scene_id: Option<u64>,
     /// Place of the world's origin; by default the `reference_lla` of the scene.
     pub origin: Option<Place>,
+    /// The coordinates of a world that is one on Earth.
+    pub crs: Option<Crs>,
+    /// Unit of the lengths, in place of that of the scene.
+    pub length_unit: Option<String>,
     /// World direction whose horizontal part is north.
     pub north: [f64; 3],
     /// Name of the world frame; by default "map".
@@ -41,6 +46,8 @@ impl Default for WriteOptions {
             calib: None,
             scene_id: None,
             origin: None,
+            crs: None,
+            length_unit: None,
             north: [0.0, 1.0, 0.0],
             frame_id: None,
             views: None,
@@ -109,6 +116,22 @@ pub const WRITE: &[Write] = &[
             Ok(())
         },
     ),
+    Write::new(
+        "crs",
+        "EPSG:N",
+        "Coordinates of the world in place of an origin: UTM (EPSG:32601 to 32660 north, 32701 to 32760 south), or EPSG:4978, \
+         Earth-centered",
+        |o, text| {
+            let expected =
+                || "expected UTM, such as EPSG:32633 (zone 33 north), or EPSG:4978 (Earth-centered)".to_owned();
+            o.crs = Some(Crs::of_name(text).ok_or_else(expected)?);
+            Ok(())
+        },
+    ),
+    Write::new("length_unit", "UNIT", "Unit of the lengths, such as m, if the scene does not say it", |o, text| {
+        meters_of(text).ok_or_else(|| "expected a unit of lengths: m, dm, cm, mm, km, in or ft".to_owned())?;
+        name(&mut o.length_unit, text)
+    }),
     Write::new("north", "X,Y,Z", "World direction whose horizontal part is north [default: 0,1,0]", |o, text| {
         o.north = three_numbers(text).ok_or_else(|| "expected three numbers X,Y,Z".to_owned())?;
         Ok(())

@@ -21,12 +21,12 @@ pub(crate) fn meters_of(unit: &str) -> Option<f64> {
 impl CheckedScene<'_> {
     /// Metres in the world unit, if it is known.
     pub(super) fn known_meters(&self) -> Option<f64> {
-        meters_of(self.scene.length_unit.as_deref()?)
+        meters_of(self.length_unit.as_deref()?)
     }
 
     /// Metres in the world unit, and what was converted or assumed.
     pub(super) fn meters(&self) -> (f64, Option<String>) {
-        let Some(unit) = &self.scene.length_unit else {
+        let Some(unit) = &self.length_unit else {
             return (1.0, Some("the scene has no length_unit: meters were assumed".to_owned()));
         };
         match meters_of(unit) {

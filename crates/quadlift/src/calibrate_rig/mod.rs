@@ -28,10 +28,17 @@ use self::contradictions::contradictions;
 use self::prepared::Prepared;
 use self::solution::{Solution, choose_exponents, refine, solution};
 use crate::geometry::{BoundingBox, CamFromWorld, Intrinsics};
+use crate::parallel::map_indices;
 use crate::solve::SizePrior;
 
 /// Better solutions that are taken up, one after another.
 const MAX_BETTER: usize = 3;
+
+/// Time steps by which a camera may be late or early.
+const LATE: [i64; 10] = [1, -1, 2, -2, 3, -3, 4, -4, 5, -5];
+
+/// Cameras that are tried at other time steps, at most.
+const MAX_TRIED: usize = 3;
 
 /// A fixed camera.
 #[derive(Debug, Clone, PartialEq)]
@@ -154,6 +161,8 @@ pub enum Contradiction {
     Mirrored,
     /// A given pose contradicts the boxes, so that its world is not known.
     GivenPoses,
+    /// Its boxes agree with those that the others see so many time steps before; after, if it is negative.
+    Late(i64),
 }
 
 impl Contradiction {
@@ -165,13 +174,15 @@ impl Contradiction {
             Self::FocalLength(_) => "focal_length",
             Self::Mirrored => "mirrored",
             Self::GivenPoses => "given_poses",
+            Self::Late(_) => "late",
         }
     }
 
-    /// Its factor, if it has one.
+    /// Its factor or number of time steps, if it has one.
     pub fn value(self) -> Option<f64> {
         match self {
             Self::Noise(value) | Self::FocalLength(value) => Some(value),
+            Self::Late(steps) => Some(steps as f64),
             _ => None,
         }
     }
@@ -266,7 +277,42 @@ impl Calibration {
 }
 
 /// Finds the poses of the cameras of a rig. The same input gives the same answer.
+///
+/// Cameras that the others contradict are tried at other time steps: one that agrees with them there is late.
 pub fn calibrate_rig(rig: &Rig, options: &CalibrateOptions) -> Calibration {
+    let mut answer = calibrated(rig, options);
+    let posed = answer.cameras.iter().filter(|camera| camera.status.has_pose()).count();
+    // Fewer do not say which one is late.
+    let contradicted = |camera: &usize| {
+        posed >= 2 && answer.cameras[*camera].contradiction.is_some() && rig.cameras[*camera].cam_from_world.is_none()
+    };
+    let sought: Vec<usize> = (0..rig.cameras.len()).filter(contradicted).take(MAX_TRIED).collect();
+    for camera in sought {
+        let tried = map_indices(LATE.len(), |k| calibrated(&earlier(rig, camera, LATE[k]), options));
+        let agrees = |k: &usize| {
+            let found = &tried[*k].cameras[camera];
+            let noise = found.edge_noise.filter(|_| found.status == CameraStatus::Ok)?;
+            Some((noise, LATE[*k]))
+        };
+        let best = (0..LATE.len()).filter_map(|k| agrees(&k)).min_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((_, steps)) = best {
+            answer.cameras[camera].contradiction = Some(Contradiction::Late(steps));
+        }
+    }
+    answer
+}
+
+/// A rig with the boxes of a camera at earlier time steps.
+fn earlier(rig: &Rig, camera: usize, steps: i64) -> Rig {
+    let mut moved = rig.clone();
+    for of_rig in &mut moved.boxes {
+        let by = if of_rig.camera == camera { steps } else { 0 };
+        of_rig.time_step = (of_rig.time_step as i64 + LATE.len() as i64 - by) as usize;
+    }
+    moved
+}
+
+fn calibrated(rig: &Rig, options: &CalibrateOptions) -> Calibration {
     let prepared = Prepared::new(rig);
     let mut pairs = pairs(&prepared, options.seed);
     let mut known: Vec<Option<Contradiction>> = vec![None; rig.cameras.len()];
@@ -278,7 +324,7 @@ pub fn calibrate_rig(rig: &Rig, options: &CalibrateOptions) -> Calibration {
         let answer = outcome::calibration(&prepared, &pairs, &tree, &solution, &ambiguous, &known);
         let found = contradictions(&solution, &answer.cameras);
         if found.is_empty() {
-            return answer;
+            return outcome::without_two_alone(rig, &solution, answer);
         }
         found.iter().for_each(|&(camera, contradiction)| known[camera] = Some(contradiction));
         if found.iter().any(|&(camera, _)| rig.cameras[camera].cam_from_world.is_some()) {

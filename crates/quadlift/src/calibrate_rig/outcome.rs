@@ -289,6 +289,20 @@ pub(super) fn calibration(
     Calibration { cameras, reference: tree.reference, scale: solution.scale, scale_sd, vertical, edge_noise }
 }
 
+/// An answer without the poses of two cameras alone: the sizes of bodies are their only source of scale and lens, and a wrong height and a
+/// wrong focal length explain each other.
+pub(super) fn without_two_alone(rig: &Rig, solution: &Solution, mut answer: Calibration) -> Calibration {
+    let given = rig.cameras.iter().any(|camera| camera.cam_from_world.is_some());
+    if rig.cameras.len() == 2 && !given && solution.scale != RigScale::Baselines {
+        for camera in answer.cameras.iter_mut().filter(|camera| camera.status == CameraStatus::Ok) {
+            camera.status = CameraStatus::Undetermined;
+            camera.cam_from_world = None;
+            camera.covariance = None;
+        }
+    }
+    answer
+}
+
 /// The shape that is seen most.
 fn most_seen(solution: &Solution) -> usize {
     let mut counts = vec![0; solution.problem.shapes.len()];

@@ -42,6 +42,7 @@ pub use camera::CameraParts;
 pub use cause::{Cause, CauseName};
 pub use correction::{BoxFormat, Correction, Mistake};
 pub use pixel_map::PixelMap;
+pub use upright::corrected_up;
 pub use verdict::Diagnosis;
 pub use with_ids::diagnose;
 pub(crate) use with_ids::diagnose_refined;

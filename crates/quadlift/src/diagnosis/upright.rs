@@ -39,7 +39,7 @@ const IS_AXIS: f64 = 0.985;
 
 /// The correction of a scene's `up` if it contradicts the direction in which nearly all its cameras are upright, and
 /// whether it is certain: all cameras may be mounted upside down.
-pub(crate) fn corrected_up(scene: &Scene) -> Option<(Correction, bool)> {
+pub fn corrected_up(scene: &Scene) -> Option<(Correction, bool)> {
     let up = scene.up?;
     let stride = scene.frames.len().div_ceil(MAX_FRAMES).max(1);
     let frames = scene.frames.iter().step_by(stride);

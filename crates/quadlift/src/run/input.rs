@@ -3,7 +3,7 @@
 use std::convert::Infallible;
 
 use crate::diagnosis::{Cause, Correction, Diagnosis};
-use crate::localize::LocalizeOptions;
+use crate::localize::{LocalizeOptions, MeasurementKind};
 use crate::observer::Observer;
 use crate::scene::Scene;
 
@@ -35,11 +35,11 @@ pub trait Input {
     fn correct(&mut self, cause: &Cause) -> Result<bool, Self::Error>;
 
     /// Reads the masks, depth images and points that the options use. Detections name their objects by now: a point is counted
-    /// once for each object.
+    /// once for each object. Returns the measurements to use: others than those of the options if these contradict the boxes.
     ///
     /// # Errors
     /// Nothing can be read; problems of single detections are not errors.
-    fn measure(&mut self, options: &LocalizeOptions, observer: &dyn Observer) -> Result<(), Self::Error>;
+    fn measure(&mut self, options: &LocalizeOptions, observer: &dyn Observer) -> Result<MeasurementKind, Self::Error>;
 }
 
 impl Input for Scene {
@@ -64,7 +64,7 @@ impl Input for Scene {
         Ok(true)
     }
 
-    fn measure(&mut self, _: &LocalizeOptions, _: &dyn Observer) -> Result<(), Infallible> {
-        Ok(())
+    fn measure(&mut self, options: &LocalizeOptions, _: &dyn Observer) -> Result<MeasurementKind, Infallible> {
+        Ok(options.measurements)
     }
 }

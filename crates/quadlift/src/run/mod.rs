@@ -89,9 +89,10 @@ pub fn run<I: Input>(input: &mut I, options: &RunOptions, observer: &dyn Observe
             (check, Some(found))
         }
     };
-    input.measure(&options.localize, observer).map_err(RunError::Input)?;
+    let measurements = input.measure(&options.localize, observer).map_err(RunError::Input)?;
     observer.begins(Phase::Objects);
-    let localization = solve_consistent(input.scene(), &options.localize, observer)?;
+    let localize = LocalizeOptions { measurements, ..options.localize.clone() };
+    let localization = solve_consistent(input.scene(), &localize, observer)?;
     let skipped = localization.skipped.without_object;
     if localization.estimates.is_empty() {
         let detections = input.scene().detections.len();

@@ -68,6 +68,7 @@ impl DirectArgs {
         let options = ReadOptions {
             image_size: options.image_size.or(pixels.image_size),
             detections: Some(detections.to_owned()),
+            boxes_follow: pixels.boxes_follow,
             ..options
         };
         let import = (camera_format.read)(&camera_path, &options)?;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::anyhow;
+use quadlift::scene::Scene;
 use quadlift::solve::{Estimate, Rejection, Status};
 use quadlift_io::diagnosis::DiagnosisRecord;
 use quadlift_io::guard::check_not_read;
@@ -22,6 +23,7 @@ use crate::error::Outcome;
 use crate::estimate_table::{cue_scales, learned_size, noise_levels, pose_points, render, summaries};
 use crate::files::move_paths;
 use crate::localization::{run_scene, settings_in_words};
+use crate::oddities::scene_oddities;
 use crate::output::{HEADING, Output, one_line};
 use crate::report::write_localized;
 use crate::words::{count, duration};
@@ -70,7 +72,12 @@ pub(super) fn one_scene(
     let images = report.map(|_| input.file.to_images(&input.path).map_err(|error| error.in_file(&input.path)));
     let images = images.transpose()?;
     let read = start.elapsed();
-    let mut run = run_scene(&title, input, options, out)?;
+    let warn = |scene: &Scene, is_localized: bool| {
+        let oddities = scene_oddities(scene, is_localized);
+        oddities.iter().for_each(|oddity| out.warning(&format!("{title}: {oddity}")));
+    };
+    let scene = input.scene().clone();
+    let mut run = run_scene(&title, input, options, out).inspect_err(|_| warn(&scene, false))?;
     // The paths of images are relative to the file that names them.
     let path = run.input.path.clone();
     output.map_or(Ok(()), |output| move_paths(Arc::make_mut(&mut run.input.file), &path, output))?;
@@ -82,7 +89,7 @@ pub(super) fn one_scene(
         document.output = Some(output.display().to_string());
     }
     if let (Some(report), Some(images), Some(result)) = (report, &images, &result) {
-        write_localized(report, (&run.input.path, &run.input.file), images, run.input.scene(), result)?;
+        write_localized(report, (&run.input.path, &run.input.file), images, run.input.scene(), result, out)?;
         document.report = Some(report.display().to_string());
     }
     let localization = &run.run.localization;
@@ -123,6 +130,9 @@ pub(super) fn one_scene(
             ..record
         });
     }
+    for warning in &run.input.warnings {
+        out.warning(&format!("{title}: {warning}"));
+    }
     let problems = &run.input.problems;
     out.errors(problems);
     document.problems.clone_from(problems);
@@ -134,6 +144,10 @@ pub(super) fn one_scene(
     let outcome = if unchecked { Outcome::Fine } else { tell(check, &run.input.context, accepted, &title, out) };
     if localized == 0 && outcome == Outcome::Fine {
         return Err(anyhow!("{title}: no object could be localized"));
+    }
+    // What --fix corrects explains them, too.
+    if !check.is_fixable() {
+        warn(&scene, localized > 0);
     }
     Ok(if problems.is_empty() { outcome } else { Outcome::SomethingFailed })
 }

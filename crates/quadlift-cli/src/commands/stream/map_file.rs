@@ -98,7 +98,7 @@ impl MapFiles<'_> {
             run.write(path, self.detail, result.as_ref())?;
         }
         if let (Some(path), Some(result), Some(images)) = (report, &result, &images) {
-            write_localized(path, (&run.input.path, &run.input.file), images, run.input.scene(), result)?;
+            write_localized(path, (&run.input.path, &run.input.file), images, run.input.scene(), result, out)?;
         }
         Ok(run.run.check)
     }

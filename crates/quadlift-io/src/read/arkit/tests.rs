@@ -16,7 +16,7 @@ fn all_there() -> CaptureImages<'static> {
 }
 
 fn none_there() -> CaptureImages<'static> {
-    CaptureImages { named: &|_| None, size_of: &|_| Some([1920.0, 1440.0]) }
+    CaptureImages { named: &|_| None, size_of: &|_| None }
 }
 
 fn polycam_frame(transform: &Matrix4<f64>) -> Value {
@@ -216,5 +216,31 @@ fn what_is_wrong_is_named_with_its_entry() {
     insta::assert_snapshot!(record(&|d| d["poses"][0] = json!([0, 0, 0, 0, 0, 0, 0])), @"metadata: poses[0]: the quaternion x, y, z, w is not a rotation");
     insta::assert_snapshot!(record(&|d| d["K"] = json!([[1, 0, 0], [0, 1, 0], [0, 0, 1]])), @"metadata: K: found a list of 3, expected a list of 9 numbers");
     insta::assert_snapshot!(record(&|d| d["poses"][0] = json!([0, 0, 1])), @"metadata: poses[0]: found a list of 3, expected a list of 7 numbers");
-    insta::assert_snapshot!(record(&|d| { d["w"].take(); }), @r#"metadata: there is no "w""#);
+    insta::assert_snapshot!(record(&|d| d["w"] = json!(-1)), @"metadata: w: found -1, expected a positive number of pixels");
+}
+
+#[test]
+fn an_up_that_the_cameras_contradict_is_left_out() {
+    // Cameras around the z axis that look at the origin, with z upwards in their images, and with y, ARKit's.
+    for (up, expected) in [(Vector3::z(), None), (Vector3::y(), Some([0.0, 1.0, 0.0]))] {
+        let texts: Vec<String> = (0..12)
+            .map(|k| {
+                let turn = Rotation3::from_axis_angle(&nalgebra::Unit::new_normalize(up), 0.5 * f64::from(k));
+                let side = if up == Vector3::z() { Vector3::x() } else { Vector3::z() };
+                let back = turn * (side + 0.1 * up).normalize();
+                let right = up.cross(&back).normalize();
+                let rotation = Matrix3::from_columns(&[right, back.cross(&right), back]);
+                scanner_frame(&matrix4(&rotation, &(back * 2.0))).to_string()
+            })
+            .collect();
+        let stems: Vec<String> = (0..12).map(|k| format!("frame_{k:05}")).collect();
+        let files: Vec<FrameFile> = texts
+            .iter()
+            .zip(&stems)
+            .map(|(text, stem)| FrameFile { stem, path: Path::new("frame.json"), bytes: text.as_bytes() })
+            .collect();
+        let import = parse_scanner(Path::new("scan"), &files, &all_there(), &ReadOptions::default()).unwrap();
+        assert_eq!(import.scene.up, expected);
+        assert_eq!(import.notes.iter().any(|note| note.contains("not upright")), expected.is_none());
+    }
 }

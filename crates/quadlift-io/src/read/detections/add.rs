@@ -5,16 +5,16 @@ use std::collections::HashSet;
 use nalgebra::Vector2;
 use quadlift::geometry::{BoundingBox, Ellipse, OrientedBox};
 use quadlift::scene::check_outline;
-use quadlift_segment::Rle;
 
 use super::files::{Detected, DetectionFiles, DetectionFormat, ImageKey, Outline, extent};
 use super::matching::{MatchBy, MatchOptions, match_frames};
+use super::shapes::box_of_runs;
 use crate::correct::shift;
 use crate::error::ReadError;
 use crate::read::image_names::stem;
 use crate::read::import::PixelCenters;
 use crate::read::options::ReadOptions;
-use crate::scene_file::{DetectionRecord, FrameRecord, MaskRecord, RleCounts, RleRecord, SceneFile};
+use crate::scene_file::{DetectionRecord, FrameRecord, MaskRecord, SceneFile};
 use crate::wording::count;
 
 /// Names that a message lists.
@@ -35,6 +35,8 @@ pub struct AddOptions<'a> {
     pub image_size: Option<[f64; 2]>,
     /// Whether the pictures may be turned by 90 degrees against the cameras: a correction turns the boxes back later.
     pub turned: bool,
+    /// Whether the boxes have another format, which a correction undoes later: they may look reversed.
+    pub boxes_follow: bool,
     /// The source of the new detections.
     pub source: &'a str,
     /// Skip detections with a lower score.
@@ -48,7 +50,7 @@ pub struct AddOptions<'a> {
 impl AddOptions<'_> {
     /// Those of detections of a format that were read with these options.
     pub fn of(format: &DetectionFormat, reading: &ReadOptions) -> Self {
-        let mut options = Self { source: format.name, ..Self::default() };
+        let mut options = Self { source: format.name, boxes_follow: reading.boxes_follow, ..Self::default() };
         if let Some(tolerance) = reading.time_tolerance {
             options.time_tolerance = tolerance;
         }
@@ -67,6 +69,7 @@ impl Default for AddOptions<'_> {
             time_tolerance: 0.02,
             image_size: None,
             turned: false,
+            boxes_follow: false,
             source: "detector",
             min_score: None,
             replace: false,
@@ -168,7 +171,7 @@ pub fn add_detections(
                 report.low_score += 1;
                 continue;
             }
-            let Some(mut record) = record(detected, scale, shift) else {
+            let Some(mut record) = record(detected, scale, shift, options.boxes_follow) else {
                 report.empty += 1;
                 continue;
             };
@@ -283,7 +286,7 @@ fn scale_from(measured: Option<[f64; 2]>, of_camera: [f64; 2]) -> [f64; 2] {
 }
 
 /// A detection in pixels from the corner of the image; `None` when its box has no width or no height.
-fn record(detected: &Detected, scale: [f64; 2], shift: [f64; 2]) -> Option<DetectionRecord> {
+fn record(detected: &Detected, scale: [f64; 2], shift: [f64; 2], boxes_follow: bool) -> Option<DetectionRecord> {
     let place = |[x, y]: [f64; 2]| [x * scale[0] + shift[0], y * scale[1] + shift[1]];
     let (mut around, mut ellipse, mut mask, mut corners, mut turned) = (None, None, None, None, None);
     match &detected.outline {
@@ -304,7 +307,7 @@ fn record(detected: &Detected, scale: [f64; 2], shift: [f64; 2]) -> Option<Detec
         Outline::Rle(rle) => {
             // Runs count pixels; files with shares of the image have none.
             let place = |[x0, y0, x1, y1]: [f64; 4]| [x0 * scale[0], y0 * scale[1], x1 * scale[0], y1 * scale[1]];
-            around = box_of_runs(rle).map(place);
+            around = box_of_runs(rle).map(|edges| place(edges.map(|x| x as f64)));
             mask = Some(MaskRecord { rle: Some(rle.clone()), ..MaskRecord::default() });
         }
         Outline::OrientedBox(corners) => {
@@ -326,7 +329,10 @@ fn record(detected: &Detected, scale: [f64; 2], shift: [f64; 2]) -> Option<Detec
     if edges.is_none() && detected.box3d.is_none() {
         return None;
     }
-    let bounding_box = edges.map(BoundingBox::new).transpose().ok()?.map(|b| b.edges());
+    let bounding_box = match boxes_follow {
+        true => edges,
+        false => edges.map(BoundingBox::new).transpose().ok()?.map(|b| b.edges()),
+    };
     Some(DetectionRecord {
         object: detected.track.as_ref().map(|id| object_id(id).into()),
         category: detected.category.as_deref().map(Into::into),
@@ -347,31 +353,6 @@ fn record(detected: &Detected, scale: [f64; 2], shift: [f64; 2]) -> Option<Detec
 /// The object id of a track: `t` with the number; other ids are not changed.
 fn object_id(track: &str) -> String {
     if track.parse::<u64>().is_ok() { format!("t{track}") } else { track.to_owned() }
-}
-
-/// The bounding box of an RLE mask; `None` if it is empty. Does not decode the image.
-fn box_of_runs(record: &RleRecord) -> Option<[f64; 4]> {
-    let [height, width] = record.size;
-    let rle = match &record.counts {
-        RleCounts::Runs(runs) => Rle::new(height, width, runs.clone()),
-        RleCounts::Compressed(text) => Rle::from_compressed(height, width, text),
-    };
-    let (rle, height) = (rle.ok()?, u64::from(height));
-    let mut window: Option<[u64; 4]> = None;
-    let mut start = 0;
-    for (index, &run) in rle.counts().iter().enumerate() {
-        let end = start + u64::from(run);
-        if index % 2 == 1 && run > 0 {
-            let (first_column, last_column) = (start / height, (end - 1) / height);
-            // A run that goes on in the next column reaches from the top to the bottom.
-            let (top, bottom) =
-                if first_column == last_column { (start % height, (end - 1) % height + 1) } else { (0, height) };
-            let [x0, y0, x1, y1] = window.unwrap_or([first_column, top, last_column + 1, bottom]);
-            window = Some([x0.min(first_column), y0.min(top), x1.max(last_column + 1), y1.max(bottom)]);
-        }
-        start = end;
-    }
-    window.map(|window| window.map(|x| x as f64))
 }
 
 /// The message if no image matches a frame.

@@ -11,6 +11,7 @@ use quadlift_segment::{Polygons, Rle};
 use super::files::{
     ByImage, Detected, DetectionFiles, DetectionFormat, File, ImageKey, Numbering, Outline, edges_of_size,
 };
+use super::shapes::are_by_rows;
 use crate::error::ReadError;
 use crate::input::{paths_below, read_bytes};
 use crate::read::format::Format;
@@ -37,7 +38,13 @@ pub(super) const FORMAT: DetectionFormat = Format {
     options: &["annotations"],
     finds: |probe| match probe.folder() {
         Some(folder) => probe.when(files_of_roboflow(folder)?.is_some()),
-        None => probe.when(probe.keys()?.has("annotations") || probe.keys()?.has("image_id")),
+        None => {
+            // Other programs have annotations of one image, which they name beside them.
+            let keys = probe.keys()?;
+            let is_data_set =
+                keys.object_has("annotations") && !["image", "image_path"].iter().any(|key| keys.has(key));
+            probe.when(is_data_set || keys.has("image_id"))
+        }
     },
     read: |path, options| read_coco(path, options.annotations.as_deref()),
 };
@@ -115,6 +122,7 @@ pub(super) fn parse_coco(file: File, annotations: Option<File>) -> Result<Detect
         }
         found.image(key).detections.push(detected);
     }
+    check_runs(file.0, &found)?;
     let mut notes = Vec::new();
     if crowds > 0 {
         notes.push(format!("{crowds} crowd annotations (\"iscrowd\") were skipped"));
@@ -136,6 +144,25 @@ pub(super) fn parse_coco(file: File, annotations: Option<File>) -> Result<Detect
         notes,
         ..DetectionFiles::default()
     })
+}
+
+/// Rejects masks without boxes whose runs go along rows: their boxes would be those of stripes.
+fn check_runs(path: &Path, found: &ByImage) -> Result<(), ReadError> {
+    let (mut masks, mut by_rows) = (0, 0);
+    for detected in found.images.iter().flat_map(|image| &image.detections) {
+        if let (None, Outline::Rle(rle)) = (detected.bounding_box, &detected.outline) {
+            masks += 1;
+            by_rows += usize::from(are_by_rows(rle));
+        }
+    }
+    if 2 * by_rows <= masks {
+        return Ok(());
+    }
+    let which = format!("the runs of {by_rows} of {masks} masks go along the rows of the image");
+    Err(ReadError::new(
+        path,
+        format!("{which}; COCO's go along its columns (encode them with pycocotools, or add a \"bbox\" to each)"),
+    ))
 }
 
 /// The images and categories of a data set.

@@ -12,11 +12,12 @@ use serde_json::Value;
 
 use super::files::{DetectionFiles, DetectionFormat};
 use super::names::names;
-use super::table::{Row, Table, TableOptions, is_column, table_options};
+use super::table::{Row, Table, TableOptions, has_box, is_column, table_options};
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::read::format::Format;
 use crate::read::json::{Node, parse_json};
+use crate::read::unread::known_but_unread;
 
 /// The columns of a table that does not name them.
 const COLUMNS: [&str; 6] = ["frame", "x0", "y0", "x1", "y1", "score"];
@@ -37,8 +38,8 @@ pub(super) const FORMAT: DetectionFormat = Format {
         probe.when(
             line.commas
                 && match line.words.len() {
+                    5.. if line.are_names() => has_box(&line.words) || known_but_unread(probe)?.is_none(),
                     5 => true,
-                    6.. if line.are_names() => true,
                     6 => line.numbers().get(5).is_some_and(is_score),
                     _ => false,
                 },

@@ -68,8 +68,9 @@ pub(super) fn parse_cvat(path: &Path, bytes: &[u8]) -> Result<DetectionFiles, Re
     let mut reader = Reader { xml: &xml, budget: PixelBudget::of_file(bytes.len()), skipped: BTreeMap::new() };
     let mut images = root.children("image").map(|image| reader.image(image)).collect::<Result<Vec<_>, _>>()?;
     let mut notes = Vec::new();
+    let sampled = reader.sampling(root)?;
     let numbering = match (root.children("track").next(), root.children("image").next()) {
-        (None, _) => Numbering::OfNames,
+        (None, _) => sampled.unwrap_or(Numbering::OfNames),
         (Some(_), None) => {
             let (frames, single) = reader.tracks(root)?;
             images = frames;
@@ -77,12 +78,15 @@ pub(super) fn parse_cvat(path: &Path, bytes: &[u8]) -> Result<DetectionFiles, Re
             if single > 0 {
                 notes.push(format!("{single} tracks have one shape: they have no object ids"));
             }
-            Numbering::From(0)
+            sampled.unwrap_or(Numbering::From(0))
         }
         (Some(track), Some(_)) => {
             return Err(xml.error(track, "the file holds both <image> and <track>; expected one of them"));
         }
     };
+    if let Some(Numbering::Sampled { first, step, last }) = sampled {
+        notes.push(format!("every {step}th frame of the video was annotated, from {first} to {last} (frame_filter)"));
+    }
     let skipped = reader.skipped.iter();
     notes.extend(skipped.map(|(kind, count)| format!("{count} shapes of the kind {kind} were skipped")));
     Ok(DetectionFiles { path: path.to_owned(), images, numbering, notes, ..DetectionFiles::default() })
@@ -162,10 +166,37 @@ impl Reader<'_> {
         Ok((images, single))
     }
 
+    /// The first element of a name in the description of the task or job.
+    fn about<'e>(root: &'e Element, name: &'e str) -> Option<&'e Element> {
+        let parts = root.children("meta").flat_map(Element::all_children);
+        parts.flat_map(|part| part.children(name)).next()
+    }
+
+    /// The frames of a video of which only some were annotated.
+    fn sampling(&self, root: &Element) -> Result<Option<Numbering>, ReadError> {
+        let Some(filter) = Self::about(root, "frame_filter").filter(|filter| !filter.text().trim().is_empty()) else {
+            return Ok(None);
+        };
+        let whole = |element: &Element, text: &str| {
+            let problem =
+                || self.xml.error(element, format!("<{}> is \"{text}\"; expected a whole number", element.name));
+            text.trim().parse::<u32>().map(i64::from).map_err(|_| problem())
+        };
+        let step = filter.text().trim().strip_prefix("step=").unwrap_or(filter.text());
+        let step = whole(filter, step)?.max(1);
+        let number = |name: &str| Self::about(root, name).map(|element| whole(element, element.text())).transpose();
+        let first = number("start_frame")?.unwrap_or(0);
+        let last = match (number("stop_frame")?, number("size")?) {
+            (Some(last), _) => last - (last - first) % step,
+            (None, Some(count)) => first + (count - 1).max(0) * step,
+            (None, None) => return Ok(None),
+        };
+        Ok((step > 1).then_some(Numbering::Sampled { first, step, last }))
+    }
+
     /// Width and height of the frames of a video.
     fn original_size(&self, root: &Element) -> Result<Option<[u32; 2]>, ReadError> {
-        let parts = root.children("meta").flat_map(Element::all_children);
-        let Some(size) = parts.flat_map(|part| part.children("original_size")).next() else { return Ok(None) };
+        let Some(size) = Self::about(root, "original_size") else { return Ok(None) };
         let side = |name: &str| {
             let (text, element) = self.xml.text(size, name)?;
             let problem = || self.xml.error(element, format!("<{name}> is \"{text}\"; expected a whole number"));

@@ -108,6 +108,38 @@ fn tracks_of_videos() {
 }
 
 #[test]
+fn every_third_frame_of_a_video() {
+    let about = "<start_frame>4</start_frame><stop_frame>11</stop_frame><frame_filter>step=3</frame_filter><mode>interpolation</mode>";
+    let shape =
+        |frame: u32| format!("<box frame=\"{frame}\" outside=\"0\" xtl=\"{frame}\" ytl=\"5\" xbr=\"30\" ybr=\"25\"/>");
+    let track = format!("<track id=\"0\" label=\"cup\">{}{}{}</track>", shape(4), shape(7), shape(10));
+    let tracks = video(&track).replace("<mode>interpolation</mode>", about);
+    let image = |number: u32| {
+        let shape = format!("<box label=\"cup\" xtl=\"{number}\" ytl=\"5\" xbr=\"30\" ybr=\"25\"/>");
+        format!("<image id=\"{number}\" name=\"frame_{number:06}\" width=\"64\" height=\"48\">{shape}</image>")
+    };
+    let images = video(&[4, 7, 10].map(image).concat()).replace("<mode>interpolation</mode>", about);
+    let all: Vec<String> = (0..12).map(|number| format!("v_{number:03}.png")).collect();
+    let all: Vec<&str> = all.iter().map(String::as_str).collect();
+    for text in [tracks, images] {
+        let files = read(&text).unwrap();
+        assert_eq!(files.numbering, Numbering::Sampled { first: 4, step: 3, last: 10 });
+        assert!(files.notes.iter().any(|note| note.contains("every 3th frame")), "{:?}", files.notes);
+        // The frames that were annotated, counted anew; the same by their numbers in the video; all frames of the video.
+        for (names, expected) in [
+            (&["a_001.png", "a_002.png", "a_003.png"][..], ["a_001.png", "a_002.png", "a_003.png"]),
+            (&["b_04.png", "b_07.png", "b_10.png"], ["b_04.png", "b_07.png", "b_10.png"]),
+            (&["x.png", "y.png", "z.png"], ["x.png", "y.png", "z.png"]),
+            (&all, ["v_004.png", "v_007.png", "v_010.png"]),
+        ] {
+            let records = added(files.clone(), names);
+            let frames: Vec<&str> = records.iter().map(|record| &*record.frame).collect();
+            assert_eq!(frames, expected);
+        }
+    }
+}
+
+#[test]
 fn what_is_wrong_with_files_of_cvat_is_named() {
     let message = |text: &str| read(text).unwrap_err().to_string();
     let shape = |text: &str| message(&image(text));

@@ -36,6 +36,15 @@ pub enum Numbering {
     OfNames,
     /// From this number, whatever the names of the images.
     From(i64),
+    /// With the numbers of frames of a video, of which every `step`-th one from `first` to `last` was annotated.
+    Sampled {
+        /// The first one.
+        first: i64,
+        /// Frames from one to the next.
+        step: i64,
+        /// The last one.
+        last: i64,
+    },
     /// The format does not say.
     #[default]
     Unknown,

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use super::files::{DetectedImage, ImageKey, Numbering};
 use super::original_names::original_name;
 use crate::read::image_names::stem;
+use crate::read::time_units::units;
 use crate::scene_file::{FrameRecord, SceneFile};
 
 /// How the images of a file are matched to the frames of a scene.
@@ -80,8 +81,10 @@ pub(super) fn match_frames(
             let (names, numbers) = (any(|key| key.name.is_some()), any(|key| key.number.is_some()));
             let mut ways = Vec::new();
             ways.extend(names.then_some([MatchBy::Name, MatchBy::Stem]).into_iter().flatten());
-            ways.extend(numbers.then_some(MatchBy::Index));
-            ways.extend(any(|key| key.time.is_some()).then_some(MatchBy::Time));
+            let is_sampled = matches!(options.numbering, Numbering::Sampled { .. });
+            ways.extend((numbers || is_sampled).then_some(MatchBy::Index));
+            let is_time = |key: &ImageKey| key.time.is_some() || key.name.as_deref().is_some_and(names_time);
+            ways.extend(any(is_time).then_some(MatchBy::Time));
             ways
         }
         by => vec![by],
@@ -185,11 +188,21 @@ pub(crate) fn numbers_of_frames(frames: &[FrameRecord]) -> Option<BTreeMap<i64, 
 
 fn by_number(scene: &SceneFile, images: &[DetectedImage], options: &MatchOptions) -> Result<Matching, String> {
     let number = |image: &DetectedImage| image.key.number.or_else(|| number_in(image.key.name.as_deref()?));
-    let numbers: Vec<Option<i64>> = images.iter().map(number).collect();
+    let mut numbers: Vec<Option<i64>> = images.iter().map(number).collect();
     let in_names = numbers_of_frames(&scene.frames);
+    let mut numbering = options.numbering;
+    if let Numbering::Sampled { first, step, last } = numbering {
+        // The frames may be those that were annotated, or all of the video.
+        let highest = in_names.as_ref().and_then(|names| names.keys().next_back().copied());
+        let of_video = highest.unwrap_or(scene.frames.len() as i64 - 1) >= last;
+        numbering = if of_video { Numbering::OfNames } else { Numbering::From(0) };
+        for number in numbers.iter_mut().filter(|_| !of_video) {
+            *number = number.map(|number| number - first).filter(|number| number % step == 0).map(|n| n / step);
+        }
+    }
     let offset = match options.frame_offset {
         Some(offset) => offset,
-        None => offset(scene, &numbers, in_names.as_ref(), options.numbering)?,
+        None => offset(scene, &numbers, in_names.as_ref(), numbering)?,
     };
     let mut taken = HashSet::new();
     let frame_of = |number: &Option<i64>| {
@@ -223,13 +236,13 @@ fn offset(
         return Ok(match numbering {
             Numbering::From(first) => first,
             Numbering::Unknown if found().min() >= Some(1) && found().max() == Some(last) => 1,
-            Numbering::Unknown | Numbering::OfNames => 0,
+            Numbering::Unknown | Numbering::OfNames | Numbering::Sampled { .. } => 0,
         });
     };
     let has_zero = found().any(|number| number == 0);
     let first_frame = frames.keys().next().copied().unwrap_or_default();
     match (numbering, first_frame) {
-        (Numbering::OfNames, _) => Ok(0),
+        (Numbering::OfNames | Numbering::Sampled { .. }, _) => Ok(0),
         (Numbering::From(first), 0 | 1) => Ok(first - first_frame),
         // The numbers are those of the names, or they are counted from 0 as both are.
         (Numbering::From(0), _) => Ok(0),
@@ -247,18 +260,31 @@ fn offset(
     }
 }
 
+/// The number that a name is.
+fn time_in(path: &str) -> Option<f64> {
+    parts(path, MatchBy::Stem).first()?.parse().ok().filter(|time: &f64| time.is_finite())
+}
+
+/// Whether a name is a time: it has digits after a point, or counts from 1970.
+fn names_time(path: &str) -> bool {
+    time_in(path).is_some_and(|time| time >= 1e9 || time.fract() != 0.0)
+}
+
 fn by_time(scene: &SceneFile, images: &[DetectedImage], tolerance: f64) -> Matching {
-    let seconds = |text: &str| text.parse::<f64>().ok().filter(|x| x.is_finite());
-    let name = |path: &str| parts(path, MatchBy::Stem).first().copied().and_then(seconds);
     let time_of_frame =
-        |f: &FrameRecord| f.time.or_else(|| seconds(&f.id)).or_else(|| f.image.as_deref().and_then(name));
+        |f: &FrameRecord| f.time.or_else(|| time_in(&f.id)).or_else(|| f.image.as_deref().and_then(time_in));
     let mut times: Vec<(f64, usize)> =
         scene.frames.iter().enumerate().filter_map(|(index, frame)| Some((time_of_frame(frame)?, index))).collect();
+    let time_of_image = |image: &DetectedImage| image.key.time.or_else(|| image.key.name.as_deref().and_then(time_in));
+    let of_images: Vec<Option<f64>> = images.iter().map(time_of_image).collect();
+    let known = (times.iter().map(|(time, _)| *time).collect::<Vec<f64>>(), of_images.iter().flatten().copied());
+    let [unit_of_frames, unit] = units(&known.0, &known.1.collect::<Vec<f64>>());
+    times.iter_mut().for_each(|(time, _)| *time *= unit_of_frames);
     times.sort_by(|a, b| a.0.total_cmp(&b.0));
     // The nearest frame of each image, then the nearest image of each frame.
     let mut image_of_frame: HashMap<usize, (f64, usize)> = HashMap::new();
-    for (image_index, image) in images.iter().enumerate() {
-        let Some(time) = image.key.time.or_else(|| image.key.name.as_deref().and_then(name)) else { continue };
+    for (image_index, time) in of_images.iter().enumerate() {
+        let Some(time) = time.map(|time| time * unit) else { continue };
         let after = times.partition_point(|(t, _)| *t < time);
         let candidates = &times[after.saturating_sub(1)..(after + 1).min(times.len())];
         let nearest = candidates.iter().map(|(t, frame)| ((t - time).abs(), *frame)).min_by(|a, b| a.0.total_cmp(&b.0));
@@ -272,7 +298,10 @@ fn by_time(scene: &SceneFile, images: &[DetectedImage], tolerance: f64) -> Match
     for (frame, (_, image)) in image_of_frame {
         frame_of_image[image] = Some(frame);
     }
-    let note = Some(format!("frames were matched by time, to {tolerance} s (--time-tolerance)"));
+    let of_other = [("frames", unit_of_frames), ("detections", unit)].into_iter().filter(|(_, unit)| *unit != 1.0);
+    let of_other: String =
+        of_other.map(|(what, unit)| format!("; the times of the {what} are in {unit:e} s")).collect();
+    let note = Some(format!("frames were matched by time, to {tolerance} s (--time-tolerance){of_other}"));
     Matching { by: MatchBy::Time, frame_of_image, frame_offset: None, note }
 }
 

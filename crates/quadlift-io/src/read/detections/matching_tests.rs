@@ -104,6 +104,20 @@ fn times_match_the_nearest_frame_within_the_tolerance() {
         [10.049, 10.052, 10.2, 9.99].map(|time| DetectedImage { key: key(time), detections: Vec::new() }).into();
     // Two images of one frame: the nearer one.
     assert_eq!(matched(&scene, &images, &AUTO), [Some(1), None, None, Some(0)]);
+    // Names of labels in nanoseconds, frames in seconds, and the other way round.
+    let in_seconds = ids(&["1403636579.763556", "1403636579.813556"]);
+    let in_nanoseconds = ids(&["1403636579763555584", "1403636579813555456"]);
+    let labels = |scene: &SceneFile| {
+        let names: Vec<String> = scene.frames.iter().rev().map(|frame| format!("{}.txt", frame.id)).collect();
+        named(&names.iter().map(String::as_str).collect::<Vec<_>>())
+    };
+    for (scene, labels, unit) in
+        [(&in_seconds, labels(&in_nanoseconds), "detections"), (&in_nanoseconds, labels(&in_seconds), "frames")]
+    {
+        let matching = match_frames(scene, &labels, &AUTO).unwrap();
+        assert_eq!((matching.by, matching.frame_of_image), (MatchBy::Time, vec![Some(1), Some(0)]));
+        assert!(matching.note.unwrap().ends_with(&format!("; the times of the {unit} are in 1e-9 s")));
+    }
     let matching = match_frames(&scene, &named(&["10.1.png"]), &MatchOptions { by: MatchBy::Time, ..AUTO }).unwrap();
     assert_eq!(matching.frame_of_image, [Some(2)]);
 }

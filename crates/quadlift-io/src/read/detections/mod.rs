@@ -5,12 +5,12 @@
 //! scene file. Track ids become object ids (`t7` for the number 7); classes become categories by name.
 
 mod files;
+mod shapes;
 mod coco;
 mod kitti_labels;
 mod label_studio_links;
 mod names;
 mod original_names;
-mod shapes;
 mod cvat;
 mod label_studio_brush;
 mod label_studio;

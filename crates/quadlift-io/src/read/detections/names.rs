@@ -10,6 +10,7 @@ use std::path::Path;
 use crate::error::ReadError;
 use crate::input::{as_utf8, read_bytes};
 use crate::read::options::ReadOptions;
+use crate::wording::count;
 
 /// Names of classes.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -28,6 +29,17 @@ impl ClassNames {
 /// As [`read_names`].
 pub(super) fn names(options: &ReadOptions) -> Result<Option<ClassNames>, ReadError> {
     options.names.as_deref().map(read_names).transpose()
+}
+
+/// How many detections have a class that the file of names lacks, by class.
+pub(super) fn unnamed_classes(unnamed: &BTreeMap<u64, usize>) -> Vec<String> {
+    let note = |(class, number): (&u64, &usize)| {
+        format!(
+            "{} of the class {class}, which the class names lack: its number is the name",
+            count(*number, "detection")
+        )
+    };
+    unnamed.iter().map(note).collect()
 }
 
 /// Reads a file of names: YAML by its extension `.yaml` or `.yml`, otherwise one name in each line, from class 0.

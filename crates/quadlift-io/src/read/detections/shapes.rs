@@ -36,6 +36,51 @@ pub(super) fn add_part(object: &mut Detected, part: Detected) {
     }
 }
 
+/// The bounding box of an RLE mask; `None` if it is empty. Does not decode the image.
+pub(super) fn box_of_runs(record: &RleRecord) -> Option<[u64; 4]> {
+    let rle = runs_of(record)?;
+    window(&rle, rle.size()[0])
+}
+
+/// The window of pixels in the right order is smaller than that of the wrong order by this factor.
+const SPREAD: f64 = 4.0;
+
+/// Whether the runs of a mask go along the rows of its image instead of its columns: read so, its pixels are together, and in the
+/// order of COCO they are spread over the image.
+pub(super) fn are_by_rows(record: &RleRecord) -> bool {
+    let area = |[a0, b0, a1, b1]: [u64; 4]| (a1 - a0) as f64 * (b1 - b0) as f64;
+    let of = |rle: &Rle| Some([window(rle, rle.size()[0])?, window(rle, rle.size()[1])?].map(area));
+    runs_of(record).and_then(|rle| of(&rle)).is_some_and(|[by_columns, by_rows]| by_columns > SPREAD * by_rows)
+}
+
+fn runs_of(record: &RleRecord) -> Option<Rle> {
+    let [height, width] = record.size;
+    match &record.counts {
+        RleCounts::Runs(runs) => Rle::new(height, width, runs.clone()).ok(),
+        RleCounts::Compressed(text) => Rle::from_compressed(height, width, text).ok(),
+    }
+}
+
+/// The first and the last line, and the first and the last place in a line, of a mask whose runs go along lines of a length:
+/// left, top, right, bottom for columns.
+fn window(rle: &Rle, length: u32) -> Option<[u64; 4]> {
+    let length = u64::from(length);
+    let mut window: Option<[u64; 4]> = None;
+    let mut start = 0;
+    for (index, &run) in rle.counts().iter().enumerate() {
+        let end = start + u64::from(run);
+        if index % 2 == 1 && run > 0 {
+            let (first, last) = (start / length, (end - 1) / length);
+            // A run that goes on in the next line reaches from one end to the other.
+            let (low, high) = if first == last { (start % length, (end - 1) % length + 1) } else { (0, length) };
+            let [a0, b0, a1, b1] = window.unwrap_or([first, low, last + 1, high]);
+            window = Some([a0.min(first), b0.min(low), a1.max(last + 1), b1.max(high)]);
+        }
+        start = end;
+    }
+    window
+}
+
 /// Pixels of masks that a file may hold, so that the time to decode grows with its size only: a run of a few characters
 /// may stand for millions of pixels.
 #[derive(Debug, Default)]

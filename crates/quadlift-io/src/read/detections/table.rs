@@ -38,11 +38,13 @@ pub(super) struct TableOptions<'a> {
     pub frame_column: Option<&'a str>,
     /// Names of the classes.
     pub names: Option<&'a ClassNames>,
+    /// Whether boxes may look reversed.
+    pub boxes_follow: bool,
 }
 
 /// The options of a table.
 pub(super) fn table_options<'a>(options: &'a ReadOptions, names: Option<&'a ClassNames>) -> TableOptions<'a> {
-    TableOptions { frame_column: options.frame_column.as_deref(), names }
+    TableOptions { frame_column: options.frame_column.as_deref(), names, boxes_follow: options.boxes_follow }
 }
 
 /// A row with its place in the file.
@@ -71,6 +73,12 @@ pub(super) fn is_column(name: &str, options: &TableOptions) -> bool {
     EDGES.iter().chain(&SIZES).flatten().chain(lists.into_iter().flatten()).any(|known| is(known))
         || is(CORNERS)
         || options.frame_column.is_some_and(is)
+}
+
+/// Whether columns with these names hold a box.
+pub(super) fn has_box(names: &[String]) -> bool {
+    let is = |known: &&str| names.iter().any(|name| name.eq_ignore_ascii_case(known));
+    EDGES.iter().chain(&SIZES).any(|columns| columns.iter().all(is))
 }
 
 /// How a row identifies its image.
@@ -151,7 +159,11 @@ impl Table<'_> {
             for (number, column) in numbers.iter_mut().zip(box_columns) {
                 *number = self.number(row, column)?;
             }
-            let edges = if by_size { edges_of_size(numbers) } else { checked_edges(numbers) };
+            let edges = match by_size {
+                true => edges_of_size(numbers),
+                false if options.boxes_follow => Ok(numbers),
+                false => checked_edges(numbers),
+            };
             let edges = edges.map_err(|problem| self.row_error(row, problem))?;
             let text = |column: Option<usize>| Some(row.cells.get(column?)?.as_str()).filter(|text| !text.is_empty());
             let corners = text(corners).and_then(|text| serde_json::from_str::<[[f64; 2]; 4]>(text).ok());

@@ -326,7 +326,7 @@ fn csv_tables_with_and_without_names() {
         assert_eq!(&*records[0].frame, "a.png");
     }
     let names = parse_names(Path::new("n.txt"), b"cup\ncat\n").unwrap();
-    let options = TableOptions { frame_column: Some("where"), names: Some(&names) };
+    let options = TableOptions { frame_column: Some("where"), names: Some(&names), boxes_follow: false };
     let records = added(read("x,y,width,height,class_id,where\n1,2,3,4,1,5\n", &options).unwrap(), &["4", "5"]);
     assert_eq!((&*records[0].frame, records[0].category.as_deref()), ("5", Some("cat")));
     let records = added(read("time,x0,y0,x1,y1\n12.52,1,2,3,4\n", &auto).unwrap(), &["12.5", "12.53"]);

@@ -4,7 +4,7 @@
 //! Coordinates are shares of the image's width and height, from its corner. Format: `Results.save_txt` of the package
 //! ultralytics.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
 pub(crate) use super::yolo_columns::{ExtraColumns, YoloKind};
@@ -12,7 +12,7 @@ pub(crate) use super::yolo_columns::{ExtraColumns, YoloKind};
 use super::files::{
     Detected, DetectedImage, DetectionFiles, DetectionFormat, ImageKey, LabelFile, Numbering, Outline, label_files,
 };
-use super::names::{ClassNames, names, read_names};
+use super::names::{ClassNames, names, read_names, unnamed_classes};
 use super::yolo_columns::{Fields, LabelLine, columns};
 use crate::error::ReadError;
 use crate::input::as_utf8;
@@ -28,6 +28,12 @@ const NAMES: [&str; 5] = ["data.yaml", "dataset.yaml", "classes.txt", "obj.names
 pub(super) fn is_label(line: &Words) -> bool {
     let is_share = |number: &Option<f64>| number.is_some_and(|x| (-0.5..=1.5).contains(&x));
     !line.commas && line.words.len() >= 5 && line.are_numbers() && line.numbers()[1..5].iter().all(is_share)
+}
+
+/// Whether a line holds a class and the numbers of a box, which may be pixels: no other format has such lines.
+fn is_box(line: &Words) -> bool {
+    let is_class = |number: &Option<f64>| number.is_some_and(|class| class >= 0.0 && class.fract() == 0.0);
+    !line.commas && (5..=6).contains(&line.words.len()) && line.are_numbers() && is_class(&line.numbers()[0])
 }
 
 /// What may stand after the coordinates, by the values of `--columns`.
@@ -60,7 +66,7 @@ pub(super) const FORMAT: DetectionFormat = Format {
     looks: "YOLO (a folder of .txt with a class and numbers from 0 to 1)",
     options: &["kind", "columns", "class_names"],
     finds: |probe| match probe.labels("txt")? {
-        Some(first) => probe.when(first.line()?.is_some_and(is_label)),
+        Some(first) => probe.when(first.line()?.is_some_and(|line| is_label(line) || is_box(line))),
         None => Ok(None),
     },
     read: |path, options| {
@@ -103,7 +109,7 @@ pub(super) fn read_yolo(path: &Path, options: &YoloOptions) -> Result<DetectionF
 pub(super) fn parse_yolo(path: &Path, files: &[LabelFile], options: &YoloOptions) -> Result<DetectionFiles, ReadError> {
     let mut all_lines = Vec::new();
     let mut ends = Vec::new();
-    let mut repeated = 0;
+    let (mut repeated, mut unnamed) = (0, BTreeMap::new());
     for file in files {
         // A file without text is an image without objects.
         if !file.bytes.trim_ascii().is_empty() {
@@ -132,6 +138,9 @@ pub(super) fn parse_yolo(path: &Path, files: &[LabelFile], options: &YoloOptions
             check_coordinates(line, coordinates)?;
             let (bounding_box, outline) = shape(line, coordinates, columns.kind)?;
             let name = options.names.and_then(|names| names.of(line.class));
+            if name.is_none() && options.names.is_some() {
+                *unnamed.entry(line.class).or_insert(0) += 1;
+            }
             detections.push(Detected {
                 track: track.map(|id| id.to_string()),
                 category: Some(name.map_or_else(|| line.class.to_string(), str::to_owned)),
@@ -149,6 +158,7 @@ pub(super) fn parse_yolo(path: &Path, files: &[LabelFile], options: &YoloOptions
     if repeated > 0 {
         notes.push(format!("{repeated} duplicate lines were ignored: a run may have been repeated"));
     }
+    notes.extend(unnamed_classes(&unnamed));
     if options.names.is_none() {
         notes.push("the class names are unknown: category numbers are used (--class-names FILE)".to_owned());
     }

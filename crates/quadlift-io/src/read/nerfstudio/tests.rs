@@ -173,3 +173,15 @@ fn what_is_wrong_is_named_with_its_entry() {
     };
     insta::assert_snapshot!(message(&twice), @r#"transforms.json: the scene made of this file is not valid: frames[1]: the frame id "./images/frame_00001.png" is used twice"#);
 }
+
+#[test]
+fn test_frames_are_frames() {
+    let mut document = document(&saved_by_nerfstudio(&colmap_pose()));
+    let mut frame = document["frames"][0].clone();
+    frame["file_path"] = "./images/frame_00002.png".into();
+    document["test_frames"] = json!([frame]);
+    let import = parse(&document).unwrap();
+    let ids: Vec<&str> = import.scene.frames.iter().map(|frame| frame.id.as_str()).collect();
+    assert_eq!(ids, ["./images/frame_00001.png", "./images/frame_00002.png"]);
+    assert!(import.notes.contains(&"1 frame of test_frames were read, too".to_owned()), "{:?}", import.notes);
+}

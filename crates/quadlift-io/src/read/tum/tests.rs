@@ -40,6 +40,20 @@ fn images_get_the_pose_that_is_nearest_in_time() {
 }
 
 #[test]
+fn times_in_nanoseconds_are_those_in_seconds() {
+    let poses = ["1403636579763555584 1 0 0 0 0 0 1", "1403636579813555456 2 0 0 0 0 0 1"].join("\n");
+    let images = "1403636579.7635 a.png\n1403636579.8135 b.png\n";
+    let found = |images| {
+        let scene = parse(&poses, "500 501 320 240", images).unwrap().scene;
+        scene.frames.into_iter().map(|f| (f.id, f.time.unwrap(), -f.cam_from_world.unwrap()[0][3])).collect::<Vec<_>>()
+    };
+    let [a, b] = [1_403_636_579.763_5, 1_403_636_579.813_5];
+    assert_eq!(found(Some(images)), [("a.png".to_owned(), a, 1.0), ("b.png".to_owned(), b, 2.0)]);
+    let alone = found(None);
+    assert!((alone[0].1 - a).abs() < 1e-3 && alone[0].0 == "1403636579763555584", "{alone:?}");
+}
+
+#[test]
 fn intrinsics_come_in_several_forms() {
     let pose = "1 0 0 0 0 0 0 1\n";
     let camera = |calib: &str| parse(pose, calib, None).unwrap().scene.cameras[0].clone();
