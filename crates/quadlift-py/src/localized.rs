@@ -203,7 +203,7 @@ impl PyLocalized {
 
     /// The camera of an image in the map that the estimates are, and the ids of the objects that it names by their positions.
     fn relocalize<'py>(&self, py: Python<'py>, query: LocateQuery) -> PyResult<(Bound<'py, PyDict>, Vec<&str>)> {
-        let (ids, map, of_map) = self.map.get_or_init(|| self.landmarks()).as_ref().map_err(|error| refuse(error))?;
+        let (ids, map, of_map) = self.map.get_or_init(|| self.landmarks()).as_ref().map_err(refuse)?;
         let rows: Vec<usize> = (0..ids.len()).collect();
         let (boxes, options) = (query.query()?, query.options(of_map.clone())?);
         let located = py.detach(|| map.relocalize(&boxes, &options));
