@@ -293,9 +293,8 @@ fn regions_of_real_objects_hold_the_truth() {
         &report,
         &[
             ("trust_real_center_95", 85.0, 100.0),
-            // Near copies allow for errors that cameras on one side do not show: regions are wider there.
-            ("trust_real_center_median", 1.4, 3.2),
-            ("trust_real_body_median", 5.5, 10.0),
+            ("trust_real_center_median", 1.6, 3.2),
+            ("trust_real_body_median", 6.0, 10.0),
             ("trust_real_volume", 0.0, 3.0),
         ],
     );

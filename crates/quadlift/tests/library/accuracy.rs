@@ -157,8 +157,8 @@ fn uncertainty_is_honest() {
         let median = errors[errors.len() / 2];
         println!("sigma {sigma}, span {span} degrees: median NEES {median:.2}");
         // The chi-square distribution with nine degrees of freedom has the median 8.34. On an arc an error that grows along the path is
-        // absorbed by depths, and what near copies of a view share is not shown by their residuals: regions are wider there, not narrower.
-        assert!((1.5..=10.0).contains(&median), "sigma {sigma}, span {span}: median NEES {median:.2}");
+        // absorbed by depths, so that regions must allow for more than the residuals show: they are wider, not narrower.
+        assert!((2.5..=10.0).contains(&median), "sigma {sigma}, span {span}: median NEES {median:.2}");
     }
 }
 

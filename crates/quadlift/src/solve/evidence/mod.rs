@@ -165,13 +165,14 @@ fn estimate_boxes(
         None => SceneFit::new(objects, first, &plan, context.watch),
         Some(given) => SceneFit::given(given, &plan, context.watch),
     };
-    let shared = given.unwrap_or_else(|| Shared {
-        conditions: scene.conditions,
+    let conditions = scene.conditions.without_copies();
+    let shared = given.map(|given| Shared { conditions, ..given }).unwrap_or_else(|| Shared {
+        conditions,
         shares: shares_of_chosen(&scene.objects, plan.family),
-        systematic: Systematic::new(&scene.objects, &scene.conditions),
+        systematic: Systematic::new(&scene.objects, &conditions),
         pixel_noise_size,
     });
-    let reference = reference(&scene.objects, &scene.conditions);
+    let reference = reference(&scene.objects, &conditions);
     let reporter = Reporter { shared: &shared, reference, with_enclosing: context.with_enclosing };
     let fit_later = |views: &ObjectViews, work: &mut Workspace| {
         let mut object = start(views, &scene.conditions, work)?;

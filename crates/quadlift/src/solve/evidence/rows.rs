@@ -96,10 +96,10 @@ impl ViewRows {
     #[inline(always)]
     pub(super) fn sd(&self, conditions: &Conditions) -> Lanes {
         let own = self.own_sd(conditions);
-        if self.copies == 0.0 {
+        if self.copies * conditions.copied_part == 0.0 {
             return own;
         }
-        let shared = (COPIED_PART * conditions.noise[0]).min(MAX_COPIED);
+        let shared = (conditions.copied_part * conditions.noise[0]).min(MAX_COPIED);
         (own * own + self.squared_length * (shared * shared * self.copies)).sqrt()
     }
 
@@ -120,7 +120,7 @@ impl ViewRows {
     /// Product over the edges with two sides of the whole standard deviation over that without what near copies share.
     #[inline(always)]
     pub(super) fn copied_ratio(&self, conditions: &Conditions) -> f64 {
-        if self.copies == 0.0 {
+        if self.copies * conditions.copied_part == 0.0 {
             return 1.0;
         }
         let ratio = self.sd(conditions) * self.own_sd(conditions).inverse();
@@ -150,15 +150,11 @@ impl ViewRows {
     }
 }
 
-/// Angle between rays to an object within which views are near copies of each other, radians: 20 degrees. Recipe; within 10 bodies seen from
-/// glasses stay too long.
-const MAX_COPIES_ANGLE: f64 = 0.349;
+/// Largest angle between rays to an object, radians, up to which its views are near copies of each other, and from which they are none: 15
+/// and 25 degrees, so that nothing hangs on one camera. Recipe: 20; within 10 bodies seen from glasses stay too long.
+const COPIES_ANGLES: [f64; 2] = [0.262, 0.436];
 
-/// Deviation of what near copies share: a part of the noise, at most so much of the size. No body is quite of its family, no detector's box
-/// without bias, and cameras on one side do not show it. With parts of .5 and 1 mixed bodies on arcs of 3 and 15 degrees gain .009 and .027,
-/// .012 and .031 of body IoU (+- .004), mean errors of centers beside a street fall from .44 and .59 to .18 and .19; KITTI's labels gain .003 and
-/// lose .026 (+- .011).
-const COPIED_PART: f64 = 0.5;
+/// Largest deviation of what near copies share, of the size.
 const MAX_COPIED: f64 = 0.03;
 
 /// Depth in units of that of the frame's origin below which it no longer falls: a body that passes through the camera.
@@ -189,7 +185,7 @@ impl Rows {
         boxes.sort_by(|a, b| a.order().partial_cmp(&b.order()).unwrap_or(std::cmp::Ordering::Equal));
         let spheres = agreeing_spheres(&boxes);
         let first = *spheres.first()?;
-        let copies = if are_near_copies(&boxes, &first) { boxes.len() as f64 } else { 0.0 };
+        let copies = near_copies(&boxes, &first);
         let rows: Vec<ViewRows> =
             boxes.iter().filter_map(|planes| rows_of(planes, &first, pixel_noise_size, copies)).collect();
         if rows.len() < 2 {
@@ -204,11 +200,18 @@ impl Rows {
     }
 }
 
-/// Whether all cameras see a sphere from about the same side.
-fn are_near_copies(boxes: &[BoxPlanes], sphere: &Sphere) -> bool {
+/// How many near copies of a view there are where cameras see a sphere from one side; 0 elsewhere.
+fn near_copies(boxes: &[BoxPlanes], sphere: &Sphere) -> f64 {
     let rays: Vec<Vector3<f64>> = boxes.iter().map(|planes| (sphere.center - planes.camera).normalize()).collect();
-    let apart = MAX_COPIES_ANGLE.cos();
-    rays.iter().enumerate().all(|(k, a)| rays[..k].iter().all(|b| a.dot(b) > apart))
+    let [all, none] = COPIES_ANGLES;
+    let mut least = 1.0f64;
+    for (k, ray) in rays.iter().enumerate() {
+        least = rays[..k].iter().map(|other| ray.dot(other)).fold(least, f64::min);
+        if least <= none.cos() {
+            return 0.0;
+        }
+    }
+    boxes.len() as f64 * ((none - least.min(1.0).acos()) / (none - all)).clamp(0.0, 1.0)
 }
 
 /// The planes in the frame of a sphere, unless that is not in front of the camera.
