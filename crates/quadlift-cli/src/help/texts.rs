@@ -190,6 +190,8 @@ pub(super) const TEXTS: &[Text] = &[
     of("", "scene_id", OUTPUT, "N", "Set the column scene_id"),
     of("", "origin", OUTPUT, "LAT,LON,ALT", "Set the place of the world's origin"),
     of("", "north", OUTPUT, "X,Y,Z", "Set the world direction of north"),
+    of("", "crs", OUTPUT, "EPSG:N", "Set the coordinates of the world"),
+    of("", "length_unit", OUTPUT, "UNIT", "Set the unit of the lengths"),
     of("", "frame_id", OUTPUT, "FRAME", "Name the world frame in headers"),
     of("", "views", OUTPUT, "FILE", "Write a second table of views"),
     // The model.

@@ -128,7 +128,7 @@ pub const WRITE: &[Write] = &[
             Ok(())
         },
     ),
-    Write::new("length_unit", "UNIT", "Length unit of a scene that names none", |o, text| {
+    Write::new("length_unit", "UNIT", "Unit of the lengths, such as m, if the scene does not say it", |o, text| {
         meters_of(text).ok_or_else(|| "expected a unit of lengths: m, dm, cm, mm, km, in or ft".to_owned())?;
         name(&mut o.length_unit, text)
     }),
