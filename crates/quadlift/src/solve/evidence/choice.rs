@@ -17,56 +17,8 @@ const MIN_ROUNDER: f64 = 0.5;
 /// upright ones, one .16; of 36 that stand, in six views or more, all gain more than .4.
 const MIN_UPRIGHT_GAIN: f64 = 0.15;
 
-/// The same for families other than ellipsoids among upright bodies, seen from one side as beside a street: scenes of ellipsoids gain up to 1.4
-/// an object there, of cuboids 5 and more. With .4, .5, .6 ellipsoids of 21 streets gain .02 to .03 of IoU, scenes of other trajectories and of
-/// cuboids nothing; KITTI loses cuboids from .5 on. Bodies of any rotation need none: scenes of ellipsoids gain less than .13, and mixed ones in
-/// three views .9.
-const MIN_FAMILY_GAIN: f64 = 0.4;
-
 /// Variance that the prior of the cuboid's share has in a scene of equally rounded bodies.
 const MIN_SHARE_VARIANCE: f64 = 0.0016;
-
-/// Which frequencies are learned from the objects.
-#[derive(Debug, Clone, Copy)]
-struct Learned {
-    families: bool,
-    upright: bool,
-}
-
-impl Learned {
-    /// All possible choices, the simplest first.
-    fn all(any_family: bool, may_be_upright: bool) -> impl Iterator<Item = Self> {
-        let families = [false, true].into_iter().filter(move |families| any_family || !families);
-        families.flat_map(move |families| {
-            let upright = [false, true].into_iter().filter(move |upright| may_be_upright || !upright);
-            upright.map(move |upright| Self { families, upright })
-        })
-    }
-
-    /// What the logarithm of the probability of a scene must gain by them: frequencies are parameters that the scene pays for.
-    fn price(self, count: f64) -> f64 {
-        let mut price = 0.0;
-        if self.upright {
-            price += 0.5 * count.ln() + MIN_UPRIGHT_GAIN * count;
-        }
-        if self.families {
-            price += 0.5 * (FIRST_FAMILIES.len() - 1) as f64 * count.ln();
-        }
-        if self.families && self.upright {
-            price += MIN_FAMILY_GAIN * count;
-        }
-        price
-    }
-
-    /// Logarithms of the frequencies of families, from the sums over `count` objects.
-    fn log_families(self, of_family: impl Fn(usize) -> f64, count: f64) -> [f64; 4] {
-        std::array::from_fn(|k| {
-            let share =
-                if self.families { (of_family(k) + FIRST_FAMILIES[k]) / (count + 1.0) } else { FIRST_FAMILIES[k] };
-            share.max(1e-12).ln()
-        })
-    }
-}
 
 /// Probabilities of the hypotheses of an object.
 type Posterior = [f64; HYPOTHESES];
@@ -95,9 +47,8 @@ fn posterior(object: &Object, log_priors: &[f64; HYPOTHESES]) -> (Posterior, f64
 }
 
 /// The posteriors of all objects, by their evidence and the frequencies among the others (expectation and maximization), and the logarithm
-/// of the probability of the scene. Families that are not learned are nearly all ellipsoids, or all alike where one is given; no object is
-/// upright then but by its category.
-fn posteriors(objects: &[Object], any_family: bool, learned: Learned) -> (Vec<Posterior>, f64) {
+/// of the probability of the scene. Without `learns_upright` no object is upright but by its category.
+fn posteriors(objects: &[Object], any_family: bool, learns_upright: bool) -> (Vec<Posterior>, f64) {
     let count = objects.len() as f64;
     let first: Posterior = std::array::from_fn(|h| 0.5 * FIRST_FAMILIES[h % Family::ALL.len()]);
     let mut posteriors = vec![first; objects.len()];
@@ -107,11 +58,13 @@ fn posteriors(objects: &[Object], any_family: bool, learned: Learned) -> (Vec<Po
         let mut change = 0.0f64;
         log_probability = 0.0;
         for (object, own) in objects.iter().zip(&mut posteriors) {
-            let of_others = |k: usize| family_part(&total, k) - family_part(own, k);
-            let families = if any_family { learned.log_families(of_others, count - 1.0) } else { [0.0; 4] };
+            let families: [f64; 4] = std::array::from_fn(|k| {
+                let others = family_part(&total, k) - family_part(own, k);
+                if any_family { ((others + FIRST_FAMILIES[k]) / count).max(1e-12).ln() } else { 0.0 }
+            });
             let others = upright_part(&total) - upright_part(own);
-            let among = (others + UPRIGHT_OBJECTS) / (count + PRIOR_OBJECTS - 1.0);
-            let upright = object.upright_share.unwrap_or(if learned.upright { among } else { 0.0 });
+            let learned = (others + UPRIGHT_OBJECTS) / (count + PRIOR_OBJECTS - 1.0);
+            let upright = object.upright_share.unwrap_or(if learns_upright { learned } else { 0.0 });
             let (new, log_sum) = posterior(object, &log_priors(&families, upright));
             change = (0..HYPOTHESES).map(|h| (new[h] - own[h]).abs()).fold(change, f64::max);
             *own = new;
@@ -129,22 +82,24 @@ fn posteriors(objects: &[Object], any_family: bool, learned: Learned) -> (Vec<Po
 pub(super) fn choose(objects: &mut [Object], family: Option<Family>, conditions: &mut Conditions) -> Shares {
     let count = objects.len() as f64;
     let any_family = family.is_none();
-    let is_upright = |object: &Object| Hypothesis::all().any(|h| h.is_upright() && object.fit_of(h).is_some());
-    let tried = Learned::all(any_family, objects.iter().any(is_upright)).map(|learned| {
-        let (posteriors, log_probability) = posteriors(objects, any_family, learned);
-        (posteriors, learned, log_probability - learned.price(count))
-    });
-    // Of equals the first, which learns less.
-    let best = tried.reduce(|best, next| if next.2 > best.2 { next } else { best });
-    let Some((posteriors, learned, _)) = best else { return Shares::first(family) };
+    let (without, log_without) = posteriors(objects, any_family, false);
+    // The share of upright objects is a parameter that the scene must pay for: where views do not tell, none is.
+    let price = 0.5 * count.ln() + MIN_UPRIGHT_GAIN * count;
+    let has_upright = |object: &Object| Hypothesis::all().any(|h| h.is_upright() && object.fit_of(h).is_some());
+    let with = objects.iter().any(has_upright).then(|| posteriors(objects, any_family, true));
+    let with = with.filter(|(_, log_probability)| log_probability - log_without > price);
+    let learns_upright = with.is_some();
+    let posteriors = with.map_or(without, |(posteriors, _)| posteriors);
     for (object, own) in objects.iter_mut().zip(&posteriors) {
         choose_one(object, own);
     }
     conditions.cuboid_share = cuboid_share(objects, &posteriors);
     let total = sum(&posteriors);
-    let families = if any_family { learned.log_families(|k| family_part(&total, k), count) } else { [0.0; 4] };
+    let families = std::array::from_fn(|k| {
+        if any_family { ((family_part(&total, k) + FIRST_FAMILIES[k]) / (count + 1.0)).ln() } else { 0.0 }
+    });
     let upright = (upright_part(&total) + UPRIGHT_OBJECTS) / (count + PRIOR_OBJECTS);
-    Shares { families, upright: if learned.upright { upright } else { 0.0 } }
+    Shares { families, upright: if learns_upright { upright } else { 0.0 } }
 }
 
 fn sum(posteriors: &[Posterior]) -> Posterior {

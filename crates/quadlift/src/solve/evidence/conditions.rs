@@ -27,12 +27,6 @@ pub(super) const MIN_NOISE: f64 = 2e-5;
 /// The cuboid's share in rounded bodies: mean and precision of its prior. The precision is that of an even distribution.
 pub(super) const FIRST_CUBOID_SHARE: [f64; 2] = [0.35, 12.0];
 
-/// Deviation of what near copies of a view share: a part of the noise. No body is quite of its family, no detector's box without bias, and
-/// cameras on one side do not show it. With parts of .5 and 1 mixed bodies on arcs of 3 and 15 degrees gain .009 and .027, .012 and .031 of body
-/// IoU (+- .004), mean errors of centers beside a street fall from .44 and .59 to .18 and .19; KITTI's labels gain .003 and lose .026
-/// (+- .011).
-const COPIED_PART: f64 = 0.5;
-
 /// What the fit of an object takes from its scene.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Conditions {
@@ -48,8 +42,6 @@ pub(super) struct Conditions {
     pub shape_sd: f64,
     /// The cuboid's share in rounded bodies: mean and precision.
     pub cuboid_share: [f64; 2],
-    /// Deviation of what near copies of a view share, as a part of the noise.
-    pub copied_part: f64,
 }
 
 impl Conditions {
@@ -62,7 +54,6 @@ impl Conditions {
             view_weight: 1.0,
             shape_sd,
             cuboid_share: FIRST_CUBOID_SHARE,
-            copied_part: COPIED_PART,
         }
     }
 
@@ -79,11 +70,6 @@ impl Conditions {
     /// The same with noise levels of at least this.
     pub(super) fn at_least(&self, noise: f64) -> Self {
         Self { noise: self.noise.map(|x| x.max(noise)), ..*self }
-    }
-
-    /// Those of residuals and covariances, in which systematic errors stand for what near copies share.
-    pub(super) fn without_copies(&self) -> Self {
-        Self { copied_part: 0.0, ..*self }
     }
 
     /// Logarithm of the prior density of the noise level; counted once for a scene.

@@ -21,19 +21,13 @@ use crate::solve::estimate::Matrix9;
 const FIELD: usize = 18;
 const SIDES: usize = 4;
 const DRIFT: usize = 6;
-const FIRST_DRIFT: usize = FIELD + SIDES;
-const EFFECTS: usize = FIRST_DRIFT + DRIFT;
+const EFFECTS: usize = FIELD + SIDES + DRIFT;
 
 /// Distance of unit normals at which the correlation of the field is one half.
 const REACH: f64 = 1.0;
 
 /// Directions whose correlation with a chosen one is above this add no feature.
 const SAME_DIRECTION: f64 = 0.98;
-
-/// Share of the variance of a body's relative size by which the effect of a side of the box is uncertain: where an arc absorbs nearly all of
-/// an effect, what is left of it is what bodies that are not quite right leave, and no information. Without it the level was .1 on arcs of
-/// independent noise (one object in two inside a third of its region); 1 lost half of what boxes with a bias of 4 % show; .1, .3 not.
-const CURVATURE: f64 = 0.1;
 
 /// Order k of the drift falls as `k^-FALL`. A depth on an arc absorbs the first order, so that residuals show the others only: its level
 /// follows from theirs. 2 and 3 are alike, 0 made deviations along the ray 1.5 to 2 times too small.
@@ -126,7 +120,7 @@ impl Information {
                 // Both edges of an axis move together.
                 let side = if edge < 2 { -1.0 } else { 1.0 };
                 for (order, x) in drift.iter().enumerate() {
-                    effect[FIRST_DRIFT + 3 * (edge % 2) + order] = side * x;
+                    effect[FIELD + SIDES + 3 * (edge % 2) + order] = side * x;
                 }
                 effect
             });
@@ -156,20 +150,8 @@ impl Information {
         let weight = conditions.view_weight;
         cross *= weight;
         let change = inverse * cross;
-        let total = normal.diagonal() * weight;
         let normal = normal * weight - cross.transpose() * change;
         let gradient = gradient * weight - change.transpose() * equations.gradient;
-        let uncertainty = CURVATURE * (6..9).map(|k| inverse[(k, k)]).sum::<f64>() / 3.0;
-        let certain = EffectVector::from_fn(|k, _| match k {
-            FIELD..FIRST_DRIFT if total[k] > 0.0 => {
-                let left = normal[(k, k)].max(0.0);
-                left / (left + uncertainty * total[k])
-            }
-            _ => 1.0,
-        });
-        let gradient = gradient.component_mul(&certain);
-        let certain = certain.map(f64::sqrt);
-        let normal = normal.component_mul(&(certain * certain.transpose()));
         let cost = squares * weight + prior.cost - equations.gradient.dot(&(inverse * equations.gradient));
         Some(Self {
             normal,
@@ -262,7 +244,7 @@ impl Systematic {
     fn sd_of(&self, effect: usize) -> f64 {
         match effect {
             0..FIELD => self.field,
-            FIELD..FIRST_DRIFT => self.side,
+            _ if effect < FIELD + SIDES => self.side,
             _ => self.drift,
         }
     }

@@ -43,8 +43,7 @@ pub(super) struct Workspace {
 
 /// Density of a wrong box over the peak of a right one's, for the edges of a view that count.
 pub(super) fn clutter(view: &ViewRows, conditions: &Conditions) -> f64 {
-    let mut density =
-        (1.0 - conditions.opposite_correlation.powi(2)).sqrt().powi(view.pairs()) * view.copied_ratio(conditions);
+    let mut density = (1.0 - conditions.opposite_correlation.powi(2)).sqrt().powi(view.pairs());
     for group in 0..2 {
         let of_edge = (TAU.sqrt() / CLUTTER_RANGE * conditions.noise[group] * view.size_factor).min(MAX_CLUTTER);
         for _ in 0..view.two_sided[group] {

@@ -108,12 +108,9 @@ impl Sums {
         residuals(rows, &fit.body, conditions, work);
         for (index, view) in rows.views.iter().enumerate() {
             let at = work.views[index];
-            // What near copies share moves the body, and is not left in residuals.
-            let ratio = view.sd(conditions) * view.own_sd(conditions).inverse();
-            let residual = at.residual * ratio;
             for edge in (0..4).filter(|&edge| at.residual.0[edge] != 0.0) {
                 let group = group(view, edge);
-                sums.squares[group] += at.weight.0[edge] * residual.0[edge].powi(2);
+                sums.squares[group] += at.weight.0[edge] * at.residual.0[edge].powi(2);
                 sums.edges[group] += at.probability;
             }
             sums.right += at.probability;

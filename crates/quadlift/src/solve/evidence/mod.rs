@@ -165,14 +165,13 @@ fn estimate_boxes(
         None => SceneFit::new(objects, first, &plan, context.watch),
         Some(given) => SceneFit::given(given, &plan, context.watch),
     };
-    let conditions = scene.conditions.without_copies();
-    let shared = given.map(|given| Shared { conditions, ..given }).unwrap_or_else(|| Shared {
-        conditions,
+    let shared = given.unwrap_or_else(|| Shared {
+        conditions: scene.conditions,
         shares: shares_of_chosen(&scene.objects, plan.family),
-        systematic: Systematic::new(&scene.objects, &conditions),
+        systematic: Systematic::new(&scene.objects, &scene.conditions),
         pixel_noise_size,
     });
-    let reference = reference(&scene.objects, &conditions);
+    let reference = reference(&scene.objects, &scene.conditions);
     let reporter = Reporter { shared: &shared, reference, with_enclosing: context.with_enclosing };
     let fit_later = |views: &ObjectViews, work: &mut Workspace| {
         let mut object = start(views, &scene.conditions, work)?;

@@ -32,11 +32,6 @@ impl Pairing {
         of_edges * self.own + of_edges.opposite() * self.opposite
     }
 
-    /// Variances of residuals from those of edges.
-    fn variances(&self, of_edges: Lanes) -> Lanes {
-        of_edges * (self.own * self.own) + of_edges.opposite() * (self.opposite * self.opposite)
-    }
-
     /// The same with factors on the residuals.
     #[inline(always)]
     pub(super) fn times(&self, factors: Lanes) -> Self {
@@ -63,10 +58,6 @@ pub(super) struct ViewRows {
     shift: Lanes,
     /// Lengths of the normals.
     pub length: Lanes,
-    /// Near copies of the view, itself included, where cameras see the object from one side; 0 elsewhere.
-    copies: f64,
-    /// Squares of the lengths of the residuals' normals.
-    squared_length: Lanes,
     /// The depth of a point x is `1 + depth_slope . x` times that of the origin.
     pub depth_slope: [f64; 3],
     /// Edges at the image border, which only bound the body from inside.
@@ -91,21 +82,9 @@ impl ViewRows {
         usize::from(self.occluded[edge])
     }
 
-    /// Standard deviations of the residuals under these conditions. What near copies of a view share counts as if each had an error of its
-    /// own, of so much variance that their mean keeps it.
+    /// Standard deviations of the residuals under these conditions.
     #[inline(always)]
     pub(super) fn sd(&self, conditions: &Conditions) -> Lanes {
-        let own = self.own_sd(conditions);
-        if self.copies * conditions.copied_part == 0.0 {
-            return own;
-        }
-        let shared = (conditions.copied_part * conditions.noise[0]).min(MAX_COPIED);
-        (own * own + self.squared_length * (shared * shared * self.copies)).sqrt()
-    }
-
-    /// The same without what near copies share.
-    #[inline(always)]
-    pub(super) fn own_sd(&self, conditions: &Conditions) -> Lanes {
         let [free, occluded] = conditions.noise;
         let correlated = Lanes::splat(1.0) + self.shift * conditions.opposite_correlation;
         correlated.sqrt() * free + self.occluded_lanes * (occluded - free)
@@ -115,16 +94,6 @@ impl ViewRows {
     #[inline(always)]
     pub(super) fn is_reached(&self, edge: usize, residual: f64) -> bool {
         self.truncated[edge] && residual <= 0.0
-    }
-
-    /// Product over the edges with two sides of the whole standard deviation over that without what near copies share.
-    #[inline(always)]
-    pub(super) fn copied_ratio(&self, conditions: &Conditions) -> f64 {
-        if self.copies * conditions.copied_part == 0.0 {
-            return 1.0;
-        }
-        let ratio = self.sd(conditions) * self.own_sd(conditions).inverse();
-        (0..4).filter(|&edge| !self.truncated[edge]).map(|edge| ratio.0[edge]).product()
     }
 
     /// Pairs of edges whose shift and size are residuals.
@@ -149,13 +118,6 @@ impl ViewRows {
         Vector3::from_fn(|k, _| self.normal[k].0[edge])
     }
 }
-
-/// Largest angle between rays to an object, radians, up to which its views are near copies of each other, and from which they are none: 15
-/// and 25 degrees, so that nothing hangs on one camera. Recipe: 20; within 10 bodies seen from glasses stay too long.
-const COPIES_ANGLES: [f64; 2] = [0.262, 0.436];
-
-/// Largest deviation of what near copies share, of the size.
-const MAX_COPIED: f64 = 0.03;
 
 /// Depth in units of that of the frame's origin below which it no longer falls: a body that passes through the camera.
 const MIN_DEPTH: f64 = 0.02;
@@ -185,9 +147,7 @@ impl Rows {
         boxes.sort_by(|a, b| a.order().partial_cmp(&b.order()).unwrap_or(std::cmp::Ordering::Equal));
         let spheres = agreeing_spheres(&boxes);
         let first = *spheres.first()?;
-        let copies = near_copies(&boxes, &first);
-        let rows: Vec<ViewRows> =
-            boxes.iter().filter_map(|planes| rows_of(planes, &first, pixel_noise_size, copies)).collect();
+        let rows: Vec<ViewRows> = boxes.iter().filter_map(|planes| rows_of(planes, &first, pixel_noise_size)).collect();
         if rows.len() < 2 {
             return None;
         }
@@ -200,22 +160,8 @@ impl Rows {
     }
 }
 
-/// How many near copies of a view there are where cameras see a sphere from one side; 0 elsewhere.
-fn near_copies(boxes: &[BoxPlanes], sphere: &Sphere) -> f64 {
-    let rays: Vec<Vector3<f64>> = boxes.iter().map(|planes| (sphere.center - planes.camera).normalize()).collect();
-    let [all, none] = COPIES_ANGLES;
-    let mut least = 1.0f64;
-    for (k, ray) in rays.iter().enumerate() {
-        least = rays[..k].iter().map(|other| ray.dot(other)).fold(least, f64::min);
-        if least <= none.cos() {
-            return 0.0;
-        }
-    }
-    boxes.len() as f64 * ((none - least.min(1.0).acos()) / (none - all)).clamp(0.0, 1.0)
-}
-
 /// The planes in the frame of a sphere, unless that is not in front of the camera.
-fn rows_of(planes: &BoxPlanes, frame: &Sphere, pixel_noise_size: f64, copies: f64) -> Option<ViewRows> {
+fn rows_of(planes: &BoxPlanes, frame: &Sphere, pixel_noise_size: f64) -> Option<ViewRows> {
     let depth = planes.depth(&frame.center);
     if depth.is_nan() || depth <= MIN_RADII * frame.radius {
         return None;
@@ -240,7 +186,6 @@ fn rows_of(planes: &BoxPlanes, frame: &Sphere, pixel_noise_size: f64, copies: f6
         own: Lanes(shift.map(|shift| if shift == 0.0 { 1.0 } else { FRAC_1_SQRT_2 })),
         opposite: Lanes(shift.map(|shift| -shift * FRAC_1_SQRT_2)),
     };
-    let length = Lanes(std::array::from_fn(|edge| planes.normal[edge].norm() * scaled));
     let normal = std::array::from_fn(|k| Lanes(std::array::from_fn(|edge| planes.normal[edge][k] * scaled)));
     Some(ViewRows {
         normal,
@@ -248,9 +193,7 @@ fn rows_of(planes: &BoxPlanes, frame: &Sphere, pixel_noise_size: f64, copies: f6
         residual_offset: pairing.residuals(Lanes(std::array::from_fn(at_origin))),
         pairing,
         shift: Lanes(shift),
-        length,
-        copies,
-        squared_length: pairing.variances(length * length),
+        length: Lanes(std::array::from_fn(|edge| planes.normal[edge].norm() * scaled)),
         depth_slope: (planes.axis * (frame.radius / depth)).into(),
         truncated: planes.truncated,
         occluded: planes.occluded,
