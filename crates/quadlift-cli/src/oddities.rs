@@ -35,8 +35,8 @@ pub(crate) fn reaches(scene: &Scene, detection: &Detection) -> Option<Reach> {
     })
 }
 
-/// The oddities that both commands name; what was localized has cameras at several places, or depths.
-pub(crate) fn scene_oddities(scene: &Scene, is_localized: bool) -> Vec<String> {
+/// The oddities of boxes that both commands name.
+pub(crate) fn scene_oddities(scene: &Scene) -> Vec<String> {
     let mut oddities = Vec::new();
     let outside: Vec<&Detection> =
         scene.detections.iter().filter(|d| reaches(scene, d) == Some(Reach::Outside)).collect();
@@ -57,15 +57,16 @@ pub(crate) fn scene_oddities(scene: &Scene, is_localized: bool) -> Vec<String> {
                 .to_owned(),
         );
     }
-    if !is_localized && one_point(scene) {
-        let is_one_pose = scene.frames.iter().all(|frame| frame.projection == scene.frames[0].projection);
-        let which = match is_one_pose {
-            true => "all poses are the same",
-            false => "all cameras are at the same position",
-        };
-        oddities.push(format!("{which}: depths and sizes cannot be estimated"));
-    }
     oddities
+}
+
+/// That of cameras at one position, which also both name; what was localized has depths.
+pub(crate) fn camera_oddity(scene: &Scene) -> Option<String> {
+    one_point(scene).then(|| {
+        let is_one_pose = scene.frames.iter().all(|frame| frame.projection == scene.frames[0].projection);
+        let which = if is_one_pose { "all poses are the same" } else { "all cameras are at the same position" };
+        format!("{which}: depths and sizes cannot be estimated")
+    })
 }
 
 /// Whether all boxes lie within a pixel or two, as fractions of width and height do.

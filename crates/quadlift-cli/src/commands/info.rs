@@ -15,7 +15,7 @@ use serde::Serialize;
 use crate::corrections::{Corrections, corrected_in_words, read_input};
 use crate::error::Outcome;
 use crate::next::Next;
-use crate::oddities::{Reach, one_point, reaches, scene_oddities};
+use crate::oddities::{Reach, camera_oddity, one_point, reaches, scene_oddities};
 use crate::output::{HEADING, Output, WARNING, one_line};
 use crate::pose_check::pose_oddities;
 use crate::table::Table;
@@ -231,7 +231,7 @@ fn oddities(file: &SceneFile, scene: &Scene, report: &Report) -> Vec<String> {
             oddities.push(format!("objects{of} seen in one frame only: {}", some_of(&names)));
         }
     }
-    oddities.extend(scene_oddities(scene, false));
+    oddities.extend(scene_oddities(scene).into_iter().chain(camera_oddity(scene)));
     let beyond = scene.detections.iter().filter(|d| reaches(scene, d) == Some(Reach::Beyond)).count();
     if beyond > 0 {
         oddities.push(format!("{} beyond the image border: edges there are treated as cut off", boxes_reach(beyond)));

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::anyhow;
-use quadlift::scene::Scene;
 use quadlift::solve::{Estimate, Rejection, Status};
 use quadlift_io::diagnosis::DiagnosisRecord;
 use quadlift_io::guard::check_not_read;
@@ -23,7 +22,7 @@ use crate::error::Outcome;
 use crate::estimate_table::{cue_scales, learned_size, noise_levels, pose_points, render, summaries};
 use crate::files::move_paths;
 use crate::localization::{run_scene, settings_in_words};
-use crate::oddities::scene_oddities;
+use crate::oddities::{camera_oddity, scene_oddities};
 use crate::output::{HEADING, Output, one_line};
 use crate::report::write_localized;
 use crate::words::{count, duration};
@@ -72,12 +71,13 @@ pub(super) fn one_scene(
     let images = report.map(|_| input.file.to_images(&input.path).map_err(|error| error.in_file(&input.path)));
     let images = images.transpose()?;
     let read = start.elapsed();
-    let warn = |scene: &Scene, is_localized: bool| {
-        let oddities = scene_oddities(scene, is_localized);
-        oddities.iter().for_each(|oddity| out.warning(&format!("{title}: {oddity}")));
+    // Those of the scene as it was read: corrections change it.
+    let (oddities, of_cameras) = (scene_oddities(input.scene()), camera_oddity(input.scene()));
+    let warn = |is_localized: bool| {
+        let of_cameras = of_cameras.iter().filter(|_| !is_localized);
+        oddities.iter().chain(of_cameras).for_each(|oddity| out.warning(&format!("{title}: {oddity}")));
     };
-    let scene = input.scene().clone();
-    let mut run = run_scene(&title, input, options, out).inspect_err(|_| warn(&scene, false))?;
+    let mut run = run_scene(&title, input, options, out).inspect_err(|_| warn(false))?;
     // The paths of images are relative to the file that names them.
     let path = run.input.path.clone();
     output.map_or(Ok(()), |output| move_paths(Arc::make_mut(&mut run.input.file), &path, output))?;
@@ -147,7 +147,7 @@ pub(super) fn one_scene(
     }
     // What --fix corrects explains them, too.
     if !check.is_fixable() {
-        warn(&scene, localized > 0);
+        warn(localized > 0);
     }
     Ok(if problems.is_empty() { outcome } else { Outcome::SomethingFailed })
 }
