@@ -5,6 +5,13 @@ use nalgebra::{Matrix3, Quaternion, Rotation3, Unit, UnitQuaternion, Vector3};
 /// The golden angle, radians: points of a spiral that turns by it are spread evenly over a disc or a sphere.
 pub(crate) const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 
+/// A unit vector of the spiral on a sphere, with this height: heights at even distances give directions that are spread evenly.
+pub(crate) fn on_spiral(index: usize, z: f64) -> Vector3<f64> {
+    let (sin, cos) = (index as f64 * GOLDEN_ANGLE).sin_cos();
+    let radius = (1.0 - z * z).sqrt();
+    Vector3::new(radius * cos, radius * sin, z)
+}
+
 /// Iterations after which a singular value decomposition is given up.
 const MAX_SVD_STEPS: usize = 200;
 

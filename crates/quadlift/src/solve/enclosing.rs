@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
 
 use super::corrected_support::CorrectedSupport;
 use crate::geometry::linalg::invert_spd;
-use crate::geometry::rotation::GOLDEN_ANGLE;
+use crate::geometry::rotation::on_spiral;
 use crate::geometry::{Body, Ellipsoid};
 use crate::scene::View;
 
@@ -52,12 +52,7 @@ pub(super) fn enclosing(views: &[View], body: &Body) -> Option<Ellipsoid> {
 /// Unit vectors that are spread evenly, each followed by its opposite.
 fn directions() -> Vec<Vector3<f64>> {
     let half = DIRECTIONS / 2;
-    let direction = |k: usize| {
-        let z = (k as f64 + 0.5) / half as f64;
-        let (sin, cos) = (k as f64 * GOLDEN_ANGLE).sin_cos();
-        let radius = (1.0 - z * z).sqrt();
-        Vector3::new(radius * cos, radius * sin, z)
-    };
+    let direction = |k: usize| on_spiral(k, (k as f64 + 0.5) / half as f64);
     (0..half).flat_map(|k| [direction(k), -direction(k)]).collect()
 }
 

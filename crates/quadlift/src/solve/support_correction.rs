@@ -10,7 +10,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Vector3};
 
 use super::corrected_support::{CorrectedSupport, FARTHEST, REACH, correlation};
 use crate::geometry::Body;
-use crate::geometry::rotation::GOLDEN_ANGLE;
+use crate::geometry::rotation::on_spiral;
 use crate::parallel::map_indices;
 use crate::scene::View;
 
@@ -70,12 +70,7 @@ type Grid = (Vec<Vector3<f64>>, Option<Cholesky<f64, Dyn>>);
 
 /// Evenly spread directions.
 static GRID: LazyLock<Grid> = LazyLock::new(|| {
-    let direction = |k: usize| {
-        let z = 1.0 - (2.0 * k as f64 + 1.0) / DIRECTIONS as f64;
-        let (sin, cos) = (k as f64 * GOLDEN_ANGLE).sin_cos();
-        let radius = (1.0 - z * z).sqrt();
-        Vector3::new(radius * cos, radius * sin, z)
-    };
+    let direction = |k: usize| on_spiral(k, 1.0 - (2.0 * k as f64 + 1.0) / DIRECTIONS as f64);
     let directions: Vec<Vector3<f64>> = (0..DIRECTIONS).map(direction).collect();
     let correlations = DMatrix::from_fn(DIRECTIONS, DIRECTIONS, |i, j| {
         let jitter = if i == j { JITTER } else { 0.0 };
