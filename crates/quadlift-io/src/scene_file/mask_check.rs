@@ -1,7 +1,10 @@
 //! Masks compared with their boxes: a mask that lies elsewhere is of another object or image, or was read in another order.
 
 use quadlift::geometry::BoundingBox;
+use quadlift::scene::Scene;
 use quadlift_segment::Mask;
+
+use super::images::SceneImages;
 
 /// Smallest share of a mask's extent that lies in its box; a part of the object may be hidden, but nothing lies beyond.
 const INSIDE: f64 = 0.5;
@@ -12,8 +15,21 @@ const IS_OF_OTHER: f64 = 0.7;
 /// With more masks elsewhere than this share of them, none is used.
 pub(super) const FEW: f64 = 0.2;
 
-/// Why a mask does not meet its box, in words; `None` if it does. `others` are the boxes of the other detections of the frame.
-pub(crate) fn contradiction(
+/// Why the mask of a detection does not meet its box, in words; `None` if it does. `detections` are those of the frame.
+pub(crate) fn mask_contradiction(
+    mask: &Mask,
+    index: usize,
+    detections: &[usize],
+    (scene, images): (&Scene, &SceneImages),
+) -> Option<&'static str> {
+    let own = images.boxes[index]?;
+    let size = scene.frames[scene.detections[index].frame_index as usize].image_size;
+    let others = detections.iter().filter(|other| **other != index).filter_map(|&other| images.boxes[other]);
+    contradiction(mask, &own, others, size.map(|size| [size.x as u32, size.y as u32]))
+}
+
+/// The same of a box and those of the other detections.
+fn contradiction(
     mask: &Mask,
     own: &BoundingBox,
     others: impl Iterator<Item = BoundingBox>,

@@ -7,7 +7,7 @@ use quadlift::Observer;
 use quadlift::scene::Scene;
 use quadlift_segment::FrameMasks;
 
-use super::mask_check::{FEW, contradiction};
+use super::mask_check::{FEW, mask_contradiction};
 use super::records::SceneFile;
 use crate::error::{EntryError, ReadError};
 
@@ -67,10 +67,8 @@ impl SceneFile {
             }
             let all = FrameMasks::new(masks.iter().map(|(_, mask)| mask));
             let frame = scene.frames[frame as usize].clone();
-            let size = frame.image_size.map(|size| [size.x as u32, size.y as u32]);
             for (index, mask) in &masks {
-                let others = detections.iter().filter(|other| *other != index).filter_map(|&other| images.boxes[other]);
-                if let Some(reason) = images.boxes[*index].and_then(|own| contradiction(mask, &own, others, size)) {
+                if let Some(reason) = mask_contradiction(mask, *index, detections, (scene, &images)) {
                     *elsewhere.entry(reason).or_insert(0) += 1;
                     continue;
                 }

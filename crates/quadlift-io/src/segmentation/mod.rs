@@ -18,7 +18,7 @@ use quadlift_segment::{
 
 use crate::problems::{Problem, Problems};
 use crate::read::detections::numbers_of_frames;
-use crate::scene_file::mask_check::contradiction;
+use crate::scene_file::mask_check::mask_contradiction;
 use crate::scene_file::{MaskSource, SceneFile, SceneImages};
 use crate::video::file_of_image;
 
@@ -291,13 +291,7 @@ fn take_masks(scene: &Scene, images: &SceneImages, detections: &[usize], segment
                 };
                 match moments.and_then(|moments| moments.ellipse()) {
                     Some(ellipse) => {
-                        let size = scene.frames[scene.detections[index].frame_index as usize].image_size;
-                        let size = size.map(|size| [size.x as u32, size.y as u32]);
-                        let others =
-                            detections.iter().filter(|other| **other != index).filter_map(|&other| images.boxes[other]);
-                        if let Some(reason) =
-                            images.boxes[index].and_then(|own| contradiction(&mask, &own, others, size))
-                        {
+                        if let Some(reason) = mask_contradiction(&mask, index, detections, (scene, images)) {
                             let place = images.scene_file.display();
                             segmentation.failed(format!("{place}: the mask does not meet its box: {reason}"), &[index]);
                             continue;
