@@ -115,12 +115,12 @@ fn check_distance(object: &Object, local: &Local) -> Result<(), EntryError> {
 
 /// From the world to the Earth.
 struct World {
-    from: From,
+    frame: Frame,
     meters: f64,
 }
 
 /// What a world's coordinates are.
-enum From {
+enum Frame {
     /// Those of a tangent plane, and the rotation to east, north, up, times the meters in the world unit.
     Plane(Tangent, Matrix3<f64>),
     Crs(Crs),
@@ -136,7 +136,7 @@ struct Local {
 impl World {
     fn new(scene: &CheckedScene, options: &GeoJsonOptions) -> Result<Self, EntryError> {
         if let Some(crs) = options.crs {
-            return Ok(Self { from: From::Crs(crs), meters: meters(scene)? });
+            return Ok(Self { frame: Frame::Crs(crs), meters: meters(scene)? });
         }
         let reference = || scene.file.extra.get(REFERENCE).map(place).transpose();
         let Some(origin) = options.origin.map(Ok).or(reference().transpose()).transpose()? else {
@@ -156,16 +156,16 @@ impl World {
         }
         let north = level.normalize();
         let axes = Matrix3::from_columns(&[north.cross(&up), north, up]);
-        Ok(Self { from: From::Plane(Tangent::new(&origin), axes.transpose() * meters), meters })
+        Ok(Self { frame: Frame::Plane(Tangent::new(&origin), axes.transpose() * meters), meters })
     }
 
     /// The surroundings of a position in the world.
     fn around(&self, position: &Vector3<f64>) -> Local {
-        match &self.from {
-            From::Plane(tangent, east_north_up) => {
+        match &self.frame {
+            Frame::Plane(tangent, east_north_up) => {
                 Local { tangent: *tangent, center: east_north_up * position, east_north_up: *east_north_up }
             }
-            From::Crs(crs) => {
+            Frame::Crs(crs) => {
                 let place = |at: Vector3<f64>| crs.place(&(at * self.meters));
                 let tangent = Tangent::new(&place(*position));
                 // Meters, of which a projection bends a ten millionth.
